@@ -1,0 +1,126 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <variant>
+#include <vector>
+
+#include "mapp/base/id.h"
+#include "mapp/base/status.h"
+#include "mapp/camera/camera_model.h"
+#include "mapp/codec/query_codec.h"
+#include "mapp/map/keyframe.h"
+#include "mapp/map/tile.h"
+
+namespace mapp {
+
+struct MapClientOptions {
+  std::string server_address = "127.0.0.1:7878";  ///< host:port
+  std::chrono::milliseconds call_timeout{5000};   ///< deadline of each attempt
+  /// Transient failures (UNAVAILABLE, DEADLINE_EXCEEDED) of idempotent calls are tried again with doubling, jittered
+  /// pauses from `first_backoff` to `max_backoff` until `retry_for` has passed.
+  std::chrono::milliseconds first_backoff{50};
+  std::chrono::milliseconds max_backoff{2000};
+  std::chrono::milliseconds retry_for{30000};
+  Status Validate() const;
+};
+
+/// Bytes of serialised messages by kind, both ways, retries included.
+struct TrafficCounters {
+  uint64_t query_bytes = 0;
+  uint64_t num_queries = 0;
+  uint64_t max_query_bytes = 0;  ///< largest single query
+  uint64_t response_bytes = 0;
+  uint64_t max_response_bytes = 0;
+  uint64_t upload_bytes = 0;
+  uint64_t num_uploads = 0;
+  uint64_t download_bytes = 0;  ///< shared maps
+  uint64_t num_shared_map_requests = 0;
+  uint64_t report_bytes = 0;
+  uint64_t num_retries = 0;
+};
+
+struct ClientSession {
+  SessionId id;
+  MapId map;
+  double cone_range_m = 20;
+  double tile_edge_m = kDefaultTileEdgeM;
+  size_t max_keyframe_bytes = 0;
+};
+struct ClientUpload {
+  FrameId frame;
+  bool already_stored = false;
+  std::optional<Pose3> T_map_session;
+};
+struct ClientSharedMap {
+  std::vector<Tile> tiles;
+  uint32_t num_tiles_unchanged = 0;
+  uint64_t map_revision = 0;
+};
+enum class ClientUpdateVerdict { kNone, kExpansion, kUpdating };
+
+/// Events of WatchSession.
+struct AlignmentTriedEvent {
+  uint32_t keyframe = 0;
+  uint32_t num_candidates = 0;
+  uint32_t num_inliers = 0;
+  uint32_t num_consistent = 0;
+};
+struct AlignedEvent {
+  Pose3 T_map_session;
+  uint32_t keyframe = 0;
+};
+struct CorrectedEvent {
+  Pose3 T_map_session;
+};
+struct TilesChangedEvent {
+  std::vector<TileKey> keys;
+};
+struct OptimizedEvent {
+  bool applied = false;
+  double initial_rmse_px = 0;
+  double final_rmse_px = 0;
+};
+using ClientEvent = std::variant<AlignmentTriedEvent, AlignedEvent, CorrectedEvent, TilesChangedEvent, OptimizedEvent>;
+
+/// The protocol of mapp.v1 with deadlines and retries. Thread-safe. Calls block; keep them off the tracking thread
+/// (Participant does). Errors carry the server's code and message.
+class MapClient {
+ public:
+  static StatusOr<std::unique_ptr<MapClient>> Create(const MapClientOptions& options);
+  ~MapClient();
+
+  StatusOr<ClientSession> OpenSession(const std::string& map_name, const std::string& device, SensorKind sensor,
+                                      const Camera& camera, bool create_map);
+  /// One entry per sample.
+  StatusOr<std::vector<bool>> AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
+                                            size_t num_samples);
+  StatusOr<ClientUpload> UploadKeyframe(const std::string& packet);
+  StatusOr<ClientSharedMap> RequestSharedMap(SessionId session, uint32_t keyframe, const ViewQuery& view,
+                                             double oversharing, double overlap, const std::vector<Tile>& held_tiles);
+  StatusOr<ClientUpdateVerdict> ReportUpdate(SessionId session, const std::vector<std::string>& packets);
+  /// Number of keyframes the server holds of the session, and whether an optimisation follows.
+  StatusOr<std::pair<uint64_t, bool>> CloseSession(SessionId session);
+  /// Calls `on_event` from a thread of its own until the returned handle is destroyed; reconnects by itself.
+  std::unique_ptr<class WatchHandle> WatchSession(SessionId session, std::function<void(const ClientEvent&)> on_event);
+
+  /// Ends waits between retries and calls under way; later calls give CANCELLED. For shutting down.
+  void Cancel();
+  TrafficCounters traffic() const;
+
+ private:
+  struct Impl;
+  explicit MapClient(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+class WatchHandle {
+ public:
+  virtual ~WatchHandle() = default;
+};
+
+}  // namespace mapp

@@ -1,0 +1,109 @@
+#pragma once
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
+#include "mapp/base/status.h"
+#include "mapp/camera/camera_model.h"
+#include "mapp/client/shared_map.h"
+#include "mapp/client/slam_adapter.h"
+#include "mapp/image/image.h"
+#include "mapp/map/keyframe.h"
+
+namespace mapp {
+
+struct OrbTrackerOptions {
+  int num_features = kMaxFeatures;  ///< per image; range [200, kMaxFeatures]
+  /// RGB-D readings and stereo depths beyond this are not made into points at once, metres.
+  double max_depth_m = 0;           ///< 0: 40 baselines for stereo, 6 m for RGB-D
+  /// Fewer matched shared points than this is a localisation failure (ORB-SLAM3; DESIGN 3).
+  int min_shared_matches = 75;
+  int min_tracked_points = 20;      ///< below this the frame is lost
+  /// A keyframe is due at the latest after this many frames.
+  int max_frames_between_keyframes = 15;
+  /// ... or when fewer than this share of the reference keyframe's points is matched.
+  double min_reference_ratio = 0.75;
+  int local_window = 10;            ///< keyframes adjusted by local bundle adjustment
+  /// Run local mapping inside Track() instead of its own thread: slower, but repeatable to the bit.
+  bool synchronous = false;
+  Status Validate() const;          ///< Names the first field out of range.
+};
+
+/// One camera frame. Images are borrowed for the call.
+struct TrackerFrame {
+  int64_t stamp_ns = 0;
+  ImageView<uint8_t> gray;        ///< left or colour camera, as recorded (distorted)
+  ImageView<float> depth_m;       ///< RGB-D: registered to `gray`, metres, 0 = none; else empty
+  ImageView<uint8_t> right_gray;  ///< stereo: the right camera; else empty
+};
+
+enum class TrackingState { kNotStarted, kTracking, kLost };
+
+struct TrackingResult {
+  TrackingState state = TrackingState::kNotStarted;
+  Pose3 T_session_camera;           ///< valid when kTracking
+  int num_matches = 0;              ///< map points matched after pose optimisation
+  bool on_shared_map = false;       ///< the pose comes from the shared map
+  int num_shared_matches = 0;       ///< when a shared map was in use for this frame, also where it failed
+  uint32_t shared_map_number = 0;   ///< 0: no shared map was in use
+  bool is_keyframe = false;
+  /// On the shared map no keyframe is made; true where mapping for itself would have made one.
+  bool would_be_keyframe = false;
+  double tracking_ms = 0;           ///< this call, extraction included
+};
+
+/// Pose of a frame, as it is now after all corrections to its reference keyframe.
+struct TrajectoryPose {
+  int64_t stamp_ns = 0;
+  Pose3 T_session_camera;
+  bool on_shared_map = false;
+};
+
+/// A complete ORB front end for RGB-D and stereo (DESIGN 13): extraction, motion-model and local-map tracking,
+/// relocalisation, keyframe choice, local bundle adjustment in its own thread, localisation on a shared map with local
+/// mapping at rest. Poses are in the odometry frame `session`, which begins at the first tracked camera.
+///
+/// Track(), TakeKeyframes() and Trajectory() belong to one thread; TakeSharedMap/LeaveSharedMap may come from any.
+/// For stereo, `camera` of the keyframes is the rectified left camera: ask camera().
+class OrbTracker : public SlamAdapter {
+ public:
+  static StatusOr<std::unique_ptr<OrbTracker>> CreateRgbd(const Camera& camera, const OrbTrackerOptions& options);
+  /// `T_left_right`: pose of the right camera in the left camera's frame.
+  static StatusOr<std::unique_ptr<OrbTracker>> CreateStereo(const Camera& left, const Camera& right,
+                                                            const Pose3& T_left_right,
+                                                            const OrbTrackerOptions& options);
+  ~OrbTracker() override;
+
+  /// INVALID_ARGUMENT when an image is missing or has another size than the camera, or time goes backwards; the state
+  /// is then as before. Never waits for the network or for local mapping.
+  StatusOr<TrackingResult> Track(const TrackerFrame& frame);
+
+  /// Keyframes finished by local mapping since the last call, in order, whole: features with their points.
+  /// `session` is not set. Points that came from a shared map are named by the server's id.
+  std::vector<Keyframe> TakeKeyframes();
+  /// A whole keyframe of the last tracked frame, without adding it to the map: what ReportUpdate sends, and what
+  /// upload_all would have sent where would_be_keyframe was set.
+  std::optional<Keyframe> MakeKeyframeOfLastFrame() const;
+  /// Waits until local mapping has nothing to do.
+  void WaitForLocalMapping();
+
+  void TakeSharedMap(std::shared_ptr<const SharedMap> map) override;
+  void LeaveSharedMap() override;
+
+  /// All tracked frames so far.
+  std::vector<TrajectoryPose> Trajectory() const;
+  /// The camera that keyframes and poses refer to, and the sensor kind.
+  const Camera& camera() const;
+  SensorKind sensor() const;
+  /// CPU-free wall time spent in local mapping, milliseconds.
+  double local_mapping_ms() const;
+
+ private:
+  struct Impl;
+  explicit OrbTracker(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapp

@@ -1,0 +1,89 @@
+#pragma once
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
+
+#include "mapp/base/status.h"
+#include "mapp/camera/camera_model.h"
+#include "mapp/client/map_client.h"
+#include "mapp/client/slam_adapter.h"
+#include "mapp/map/keyframe.h"
+#include "mapp/view/sampler.h"
+
+namespace mapp {
+
+enum class UploadPolicy {
+  kMap,        ///< ask first, upload what is fresh, localise on shared maps (the system)
+  kUploadAll,  ///< the vanilla shared-map baseline: every keyframe whole, no sharing
+};
+/// What redundancy injection keeps of the redundant points (DESIGN 6).
+enum class Injection { kOften, kNone, kRandom };
+
+struct ParticipantOptions {
+  std::string map_name;
+  std::string device = "device";
+  bool create_map = true;
+  UploadPolicy policy = UploadPolicy::kMap;
+  Injection injection = Injection::kOften;
+  SamplerKind sampler = SamplerKind::kDepthSketch;
+  int num_samples = 1000;       ///< K; range [1, 1000]
+  double seen_overlap = 0.9;    ///< T_seen; range (0, 1]
+  double oversharing = 1.3;     ///< alpha; range [1, 4]
+  int max_shared_map_tries = 2; ///< f of algorithm 1
+  /// Keyframes waiting for the server; beyond it the oldest is dropped and counted.
+  size_t max_queued_keyframes = 200;
+  Status Validate() const;
+};
+
+enum class ParticipantState { kRegistering, kExpanding, kSharing, kClosed };
+
+struct ParticipantStats {
+  uint64_t num_keyframes = 0;           ///< handed in
+  uint64_t num_uploaded = 0;            ///< acknowledged by the server
+  uint64_t num_dropped = 0;             ///< for want of room in the queue
+  std::optional<uint32_t> aligned_at_keyframe;
+  double overlap_sum = 0;               ///< over answered queries, by the device's own count
+  uint64_t num_overlaps = 0;
+  uint64_t full_bytes = 0;              ///< what upload_all would have sent for the keyframes handed in
+  uint64_t num_sharing_failures = 0;
+  uint64_t num_update_reports = 0;
+  TrafficCounters traffic;
+};
+
+/// The life of a session (DESIGN 3) for any SLAM system: registering, expanding, sharing, failing (algorithm 1),
+/// closing. Owns a network thread; nothing here waits for the network except Open, WaitIdle and Close.
+class Participant {
+ public:
+  /// Opens the session. `adapter` must outlive the participant and may be null with kUploadAll.
+  static StatusOr<std::unique_ptr<Participant>> Open(const MapClientOptions& client_options,
+                                                     const ParticipantOptions& options, const Camera& camera,
+                                                     SensorKind sensor, SlamAdapter* adapter);
+  ~Participant();  ///< Drops what is queued; call Close to send it.
+
+  /// A new whole keyframe, pose T_session_camera, features with points. Queued; returns at once.
+  void OnKeyframe(Keyframe keyframe);
+  /// How a frame fared on the shared map; a failure resumes queries (algorithm 1). `last_keyframe` makes the whole
+  /// keyframe of that frame and is called, on this thread, only when it failed.
+  void OnSharedMapFrame(const SharedMapFrame& frame, const std::function<std::optional<Keyframe>()>& last_keyframe);
+
+  ParticipantState state() const;
+  /// Absent until the session is aligned.
+  std::optional<Pose3> T_map_session() const;
+  SessionId session() const;
+  /// Waits until every queued keyframe is sent and, while registering, compared with the map by the server.
+  /// DEADLINE_EXCEEDED when that takes longer.
+  Status WaitIdle(std::chrono::milliseconds timeout);
+  /// Sends what is queued, closes the session and, with `wait_for_optimization`, waits for the optimisation to end.
+  Status Close(std::chrono::milliseconds timeout, bool wait_for_optimization);
+  ParticipantStats stats() const;
+
+ private:
+  struct Impl;
+  explicit Participant(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapp

@@ -1,0 +1,31 @@
+#pragma once
+
+#include <optional>
+#include <vector>
+
+#include "mapp/map/keyframe.h"
+#include "storage/map_store.h"
+
+namespace mapp {
+
+/// A stored frame with everything that geometry needs, decoded once.
+struct FrameView {
+  FrameRecord record;
+  Camera camera;
+  PinholeCamera pinhole;  ///< camera.Undistorted()
+  /// As the device sent it. Poses: use `record.T_frame_camera`, which the server may have corrected.
+  Keyframe keyframe;
+  /// Per feature: its pixel in the undistorted pinhole image, and the live map point it observes.
+  std::vector<Eigen::Vector2d> undistorted_px;
+  std::vector<std::optional<MapPointId>> points;
+
+  std::vector<OrbDescriptor> Descriptors() const;
+};
+
+/// NOT_FOUND: no such frame. DATA_LOSS: its packet does not decode.
+StatusOr<FrameView> LoadFrame(MapReader& reader, FrameId frame);
+
+/// f * baseline for stereo, the RGB-D default otherwise: what weighs depths against pixels (pixel metres).
+double DepthWeightBf(const Camera& camera);
+
+}  // namespace mapp

@@ -1,0 +1,123 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapp/base/call_context.h"
+#include "mapp/base/status.h"
+#include "mapp/codec/query_codec.h"
+#include "mapp/view/view_cone.h"
+#include "server/service/optimizer.h"
+#include "server/service/registrar.h"
+#include "server/service/session_events.h"
+#include "storage/records.h"
+
+namespace mapp {
+
+class MapStore;
+
+struct MapServiceOptions {
+  size_t cache_bytes = size_t{256} << 20;
+  RegistrarOptions registrar;
+  OptimizerOptions optimizer;
+  /// Greatest upload accepted, bytes.
+  size_t max_keyframe_bytes = size_t{64} << 10;
+};
+
+struct OpenSessionInput {
+  std::string map_name;
+  std::string device;
+  SensorKind sensor = SensorKind::kRgbd;
+  Camera camera;
+  bool create_map = false;
+};
+struct OpenedSession {
+  SessionId session;
+  MapRecord map;
+};
+struct OverlapAnswer {
+  std::vector<bool> redundant;  ///< one per sample
+  Revision map_revision;
+};
+struct UploadResult {
+  FrameId frame;
+  bool already_stored = false;
+  Revision map_revision;
+  std::optional<Pose3> T_map_session;
+};
+struct HeldTile {
+  TileKey key;
+  Revision revision;
+};
+struct SharedMapInput {
+  SessionId session;
+  ViewQuery view;
+  double oversharing = 1.3;  ///< alpha
+  std::vector<HeldTile> held_tiles;
+  uint64_t max_bytes = 0;  ///< 0 = no budget
+};
+struct SharedMapResult {
+  Revision map_revision;
+  uint32_t num_tiles_sent = 0;
+  uint32_t num_tiles_unchanged = 0;
+  uint32_t num_tiles_over_budget = 0;
+};
+enum class UpdateVerdict { kNone = 1, kExpansion = 2, kUpdating = 3 };
+struct UpdateResult {
+  UpdateVerdict verdict = UpdateVerdict::kNone;
+  std::vector<MapPointId> missing_points;
+  std::vector<Aabb> missing_boxes;
+  double new_share = 0;
+};
+struct ClosedSession {
+  int64_t num_keyframes = 0;
+  bool optimization_pending = false;
+};
+
+/// The map service's logic, free of gRPC: what the handlers of server/rpc call. Thread-safe. Errors are the codes that
+/// api/proto documents per call; INVALID_ARGUMENT messages begin with the field's path and a colon.
+class MapService {
+ public:
+  /// Starts registrar and optimizer threads and queues owed optimisations. `store` must outlive the service.
+  static StatusOr<std::unique_ptr<MapService>> Create(MapStore& store, const MapServiceOptions& options);
+  ~MapService();
+
+  StatusOr<OpenedSession> OpenSession(const CallContext& context, const OpenSessionInput& input);
+  StatusOr<OverlapAnswer> AssessOverlap(const CallContext& context, SessionId session, const ViewQuery& view,
+                                        int num_samples);
+  /// `packet`: codec/keyframe_codec.h. Durable when it returns OK.
+  StatusOr<UploadResult> UploadKeyframe(const CallContext& context, const std::string& packet);
+  /// Calls `send` with each encoded tile, nearest first; stops with its error.
+  StatusOr<SharedMapResult> RequestSharedMap(const CallContext& context, const SharedMapInput& input,
+                                             const std::function<Status(const std::string& tile)>& send);
+  StatusOr<UpdateResult> ReportUpdate(const CallContext& context, SessionId session,
+                                      const std::vector<std::string>& packets);
+  StatusOr<ClosedSession> CloseSession(const CallContext& context, SessionId session);
+  /// Delivers the session's present alignment at once, if any, then events as they come.
+  StatusOr<std::unique_ptr<SessionEvents::Subscription>> WatchSession(const CallContext& context, SessionId session,
+                                                                      SessionEvents::Callback callback);
+
+  StatusOr<std::vector<MapRecord>> ListMaps(const CallContext& context);
+  StatusOr<MapRecord> GetMap(const CallContext& context, const std::string& name);
+  StatusOr<std::vector<TileRecord>> ListTiles(const CallContext& context, MapId map);
+  StatusOr<MapRecord> DeleteMap(const CallContext& context, const std::string& name, bool force);
+  /// Of one map, or of all with an empty name.
+  StatusOr<std::vector<SessionRecord>> ListSessions(const CallContext& context, const std::string& map_name);
+  /// From one snapshot: the map's frames once, then points tile by tile.
+  Status ExportMap(const CallContext& context, const std::string& name,
+                   const std::function<Status(const MapRecord&, const std::vector<FrameRecord>&)>& on_frames,
+                   const std::function<Status(const std::vector<PointRecord>&)>& on_points);
+
+  /// Stops the threads. The store stays open. Idempotent.
+  void Shutdown();
+
+ private:
+  struct Impl;
+  explicit MapService(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapp

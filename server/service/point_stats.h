@@ -1,0 +1,22 @@
+#pragma once
+
+#include "mapp/feature/feature.h"
+#include "mapp/geometry/pose3.h"
+#include "storage/records.h"
+
+namespace mapp {
+
+/// Point of `feature` rebuilt from its ray and depth, in the frame of `T_frame_camera` (DESIGN 4).
+Eigen::Vector3d RebuildPoint(const Camera& camera, const Pose3& T_frame_camera, const Keypoint& keypoint,
+                             double depth_m);
+
+/// A new point's statistics from its first observation: direction, reference distance, observers.
+void InitPointStats(PointRecord& point, FrameId frame, const Eigen::Vector3d& camera_center, const Keypoint& keypoint,
+                    const OrbDescriptor& descriptor, uint32_t num_observations);
+
+/// Folds one more observation into them: running mean direction, reference distance, observer list kept to those that
+/// differ most in direction. `observer_centers` are the centres of the present point.observers, same order and frame.
+void AddObservation(PointRecord& point, FrameId frame, const Eigen::Vector3d& camera_center, const Keypoint& keypoint,
+                    std::span<const Eigen::Vector3d> observer_centers);
+
+}  // namespace mapp

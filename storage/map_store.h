@@ -1,0 +1,115 @@
+#pragma once
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+#include "mapp/base/call_context.h"
+#include "mapp/base/status.h"
+#include "storage/records.h"
+
+namespace mapp {
+
+/// Reads of one consistent state. NOT_FOUND names the missing thing; DATA_LOSS a corrupt row or page; UNAVAILABLE a
+/// database that stays locked. One thread at a time.
+class MapReader {
+ public:
+  virtual ~MapReader() = default;
+
+  virtual StatusOr<std::vector<MapRecord>> ListMaps() = 0;
+  virtual StatusOr<MapRecord> FindMap(const std::string& name) = 0;
+  virtual StatusOr<MapRecord> GetMap(MapId map) = 0;
+  /// All sessions, or one map's, oldest first.
+  virtual StatusOr<std::vector<SessionRecord>> ListSessions(std::optional<MapId> map) = 0;
+  virtual StatusOr<SessionRecord> GetSession(SessionId session) = 0;
+  virtual StatusOr<CameraRecord> GetCamera(CameraId camera) = 0;
+
+  /// The frame stored for (session, keyframe number), if any: the upload's idempotency check.
+  virtual StatusOr<std::optional<FrameId>> FindFrame(SessionId session, uint32_t number) = 0;
+  virtual StatusOr<FrameRecord> GetFrame(FrameId frame) = 0;
+  /// Ordered by id. With `session` only that session's.
+  virtual StatusOr<std::vector<FrameRecord>> ListFrames(MapId map, std::optional<SessionId> session) = 0;
+  /// Frames in the map whose camera centre lies in `box_map` (R*Tree), ordered by id.
+  virtual StatusOr<std::vector<FrameRecord>> FramesInBox(MapId map, const Aabb& box_map) = 0;
+  /// The keyframe's bytes as the device sent them (keyframe log).
+  virtual StatusOr<std::string> GetPacket(FrameId frame) = 0;
+  virtual StatusOr<std::vector<Observation>> GetObservations(FrameId frame) = 0;
+
+  /// Live points, in the order asked; NOT_FOUND when one is unknown or retired.
+  virtual StatusOr<std::vector<PointRecord>> GetPoints(std::span<const MapPointId> points) = 0;
+  /// As GetPoints, but leaves out ids that are unknown or retired.
+  virtual StatusOr<std::vector<PointRecord>> FindPoints(std::span<const MapPointId> points) = 0;
+  /// For each of the session's point numbers: the live map point it stands for now (fusion followed), or nullopt.
+  virtual StatusOr<std::vector<std::optional<MapPointId>>> FindSessionPoints(
+      SessionId session, std::span<const uint64_t> session_points) = 0;
+  virtual StatusOr<std::vector<PointRecord>> PointsInTile(MapId map, const TileKey& tile) = 0;
+  /// Live points created by the session, in the map or in its fragment.
+  virtual StatusOr<std::vector<PointRecord>> PointsOfSession(SessionId session) = 0;
+  /// Non-empty tiles whose cube meets `box_map` (R*Tree); all of the map's without a box.
+  virtual StatusOr<std::vector<TileRecord>> ListTiles(MapId map, const std::optional<Aabb>& box_map) = 0;
+  /// The encoded tile last put, if any; its revision may be older than the tile's.
+  virtual StatusOr<std::optional<TileBlob>> GetTileBlob(MapId map, const TileKey& tile) = 0;
+};
+
+/// Reads and changes inside one transaction; reads see the changes made so far.
+class MapWriter : public MapReader {
+ public:
+  /// ALREADY_EXISTS when the name is taken. Id, revision 0 and created_ns are set by the store.
+  virtual StatusOr<MapId> CreateMap(const MapRecord& map) = 0;
+  /// Deletes the map with its sessions, log, frames, points and tiles.
+  virtual Status DeleteMap(MapId map) = 0;
+  virtual Status SetFounder(MapId map, SessionId founder) = 0;
+  virtual StatusOr<CameraId> InsertCamera(const Camera& camera) = 0;
+  /// Id and opened_ns are set by the store.
+  virtual StatusOr<SessionId> InsertSession(const SessionRecord& session) = 0;
+  /// Writes closed_ns, T_map_session, aligned_at_keyframe and optimized of the session.
+  virtual Status UpdateSession(const SessionRecord& session) = 0;
+
+  /// Revision of this transaction for `map`: the map's next one, the same however often it is asked in one Write.
+  virtual StatusOr<Revision> NextRevision(MapId map) = 0;
+
+  /// Appends the packet to the keyframe log and the frame to the map, with `observations`. Id and `created` are set by
+  /// the store. ALREADY_EXISTS when (session, number) is stored.
+  virtual StatusOr<FrameId> InsertFrame(const FrameRecord& frame, const std::string& packet,
+                                        std::span<const Observation> observations) = 0;
+  /// A new version of the frame's pose (and of in_map); the old one stays readable at older revisions.
+  virtual Status SetFramePose(FrameId frame, bool in_map, const Pose3& T_frame_camera) = 0;
+  /// A new version of the frame's observations.
+  virtual Status SetObservations(FrameId frame, std::span<const Observation> observations) = 0;
+
+  /// Id and `created` are set by the store. `tile` of the point follows from its position when in_map.
+  virtual StatusOr<MapPointId> InsertPoint(MapId map, const PointRecord& point) = 0;
+  /// A new version: position, direction, descriptor, in_map; the old one stays readable at older revisions.
+  virtual Status UpdatePoint(const PointRecord& point) = 0;
+  /// Counters of the live version in place, no history: num_observations, confidence, observers, descriptor,
+  /// view_direction, reference_distance_m. (History of these follows from the observations.)
+  virtual Status TouchPoint(const PointRecord& point) = 0;
+  /// Ends the point at this revision. `fused_into`: the point that now stands for it; FindSessionPoints follows it.
+  virtual Status RetirePoint(MapPointId point, std::optional<MapPointId> fused_into) = 0;
+  virtual Status PutTileBlob(MapId map, const TileKey& tile, const TileBlob& blob) = 0;
+};
+
+/// The map database. Thread-safe.
+class MapStore {
+ public:
+  virtual ~MapStore() = default;
+
+  /// An immutable view of the last commit; never blocks the writer. Keep it short: it pins the write-ahead log.
+  virtual StatusOr<std::unique_ptr<MapReader>> Read() = 0;
+
+  /// Runs `change` on the writer thread and returns when it is durable. Changes that wait together share one commit;
+  /// each sees those before it; one that returns an error is undone alone and its error returned. `on_commit`, if
+  /// given, runs on the writer thread after the commit, in commit order, before Write returns: publish caches there.
+  /// RESOURCE_EXHAUSTED on a full disk, DEADLINE_EXCEEDED when the deadline passed before the change began.
+  /// A change that has begun is never abandoned.
+  virtual Status Write(const CallContext& context, std::function<Status(MapWriter&)> change,
+                       std::function<void()> on_commit = {}) = 0;
+
+  /// Finishes queued writes, checkpoints and closes; later calls give UNAVAILABLE. Idempotent.
+  virtual Status Close() = 0;
+};
+
+}  // namespace mapp

@@ -1,0 +1,105 @@
+#pragma once
+
+#include <Eigen/Core>
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+#include "mapp/base/id.h"
+#include "mapp/camera/camera_model.h"
+#include "mapp/feature/feature.h"
+#include "mapp/geometry/pose3.h"
+#include "mapp/map/keyframe.h"
+#include "mapp/map/tile.h"
+
+namespace mapp {
+
+struct MapRecord {
+  MapId id;
+  std::string name;
+  int64_t created_ns = 0;  ///< Unix time
+  Revision revision;
+  double tile_edge_m = kDefaultTileEdgeM;
+  double cone_range_m = 20.0;  ///< h
+  /// The session whose frame became the frame `map`; none while the map is empty.
+  std::optional<SessionId> founder;
+  int64_t num_frames = 0;    ///< frames that stand in the map, fragments not counted
+  int64_t num_points = 0;    ///< live points in the map's frame
+  int64_t num_sessions = 0;
+};
+
+struct CameraRecord {
+  CameraId id;
+  Camera camera;
+};
+
+struct SessionRecord {
+  SessionId id;
+  MapId map;
+  std::string device;
+  CameraId camera;
+  SensorKind sensor = SensorKind::kRgbd;
+  int64_t opened_ns = 0;  ///< Unix time
+  std::optional<int64_t> closed_ns;
+  /// Absent while the session is a fragment of its own.
+  std::optional<Pose3> T_map_session;
+  std::optional<uint32_t> aligned_at_keyframe;
+  /// Revision of the optimisation that followed its closing; absent = still owed.
+  std::optional<Revision> optimized;
+  int64_t num_keyframes = 0;
+  int64_t num_upload_bytes = 0;
+};
+
+struct FrameRecord {
+  FrameId id;
+  MapId map;
+  SessionId session;
+  CameraId camera;
+  uint32_t number = 0;  ///< the session's keyframe number K
+  int64_t stamp_ns = 0;
+  /// False while its session is a fragment: then the pose below is T_session_camera.
+  bool in_map = false;
+  Pose3 T_frame_camera;  ///< T_map_camera when in_map, else T_session_camera
+  bool partial = false;
+  std::optional<float> overlap;  ///< as the device reported it
+  uint32_t num_features = 0;
+  int64_t num_packet_bytes = 0;
+  Revision created;
+};
+
+/// Feature `feature_idx` of a frame's packet observes `point`.
+struct Observation {
+  uint16_t feature_idx = 0;
+  MapPointId point;
+  float depth_m = 0;  ///< as the device sent it; 0 = none
+};
+
+struct PointRecord {
+  MapPointId id;
+  SessionId session;                ///< whose upload created it
+  uint64_t session_point = 0;       ///< the device's own number for it
+  bool in_map = false;              ///< false: position and direction are in the session's frame
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();         ///< metres, map or session frame
+  Eigen::Vector3f view_direction = Eigen::Vector3f::UnitZ();  ///< unit, mean of (point - camera centre), same frame
+  OrbDescriptor descriptor;
+  float reference_distance_m = 1;  ///< as TilePoint::reference_distance_m
+  uint32_t num_observations = 0;
+  float confidence = 1;
+  std::vector<FrameId> observers;  ///< up to TilePoint::kMaxObservers, most different directions
+  Revision created;                ///< of this version of the point
+};
+
+struct TileRecord {
+  TileKey key;
+  Revision revision;  ///< of the last commit that changed its content
+  int64_t num_points = 0;
+};
+
+/// An encoded tile and the revision whose content it holds.
+struct TileBlob {
+  Revision revision;
+  std::string bytes;  ///< codec/tile_codec.h
+};
+
+}  // namespace mapp

@@ -1,0 +1,42 @@
+#pragma once
+
+#include <memory>
+#include <vector>
+
+#include "mapp/base/status.h"
+#include "mapp/feature/feature.h"
+#include "mapp/image/image.h"
+
+namespace mapp {
+
+struct OrbExtractorOptions {
+  /// Features kept per image, strongest first within each cell. Range [50, kMaxFeatures].
+  int num_features = kMaxFeatures;
+  /// FAST threshold first tried in a cell, gray levels. Source: Mur-Artal et al., T-RO 2015.
+  int fast_threshold = 20;
+  /// Tried in cells where the first finds nothing, so that plain walls keep some corners.
+  int min_fast_threshold = 7;
+  /// Edge of the detection cells, pixels at each level.
+  int cell_px = 35;
+};
+
+/// ORB corners spread over the image: FAST per cell and pyramid level, thinned by a quad-tree, oriented by intensity
+/// centroid, described by rotated BRIEF on the blurred level (Rublee et al. 2011; spreading as in ORB-SLAM, 2015).
+/// One thread only: keeps its pyramid buffers between images.
+class OrbExtractor {
+ public:
+  static StatusOr<std::unique_ptr<OrbExtractor>> Create(const OrbExtractorOptions& options);
+  ~OrbExtractor();
+  OrbExtractor(const OrbExtractor&) = delete;
+  OrbExtractor& operator=(const OrbExtractor&) = delete;
+
+  /// Features in pixels of the given image. INVALID_ARGUMENT for an image below 64 pixels an edge.
+  StatusOr<std::vector<Feature>> Extract(ImageView<uint8_t> image);
+
+ private:
+  struct Impl;
+  explicit OrbExtractor(std::unique_ptr<Impl> impl);
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapp
