@@ -19,8 +19,7 @@ struct Field {
   Field(std::string_view k, double v);
   Field(std::string_view k, bool v) : key(k), value(v ? "true" : "false") {}
   template <typename T>
-    requires std::is_integral_v<T>
-  Field(std::string_view k, T v) : key(k), value(std::to_string(v)) {}
+  requires std::is_integral_v<T> Field(std::string_view k, T v) : key(k), value(std::to_string(v)) {}
 };
 
 /// To standard error: `2026-01-31T12:00:00.123Z INFO event key=value ...`; values with spaces are quoted.

@@ -14,7 +14,7 @@ namespace mapp {
 class ByteWriter {
  public:
   template <typename T>
-    requires std::is_arithmetic_v<T>
+  requires std::is_arithmetic_v<T>
   void Put(T value) {
     static_assert(std::endian::native == std::endian::little, "add byte swaps for big-endian hosts");
     char raw[sizeof(T)];
@@ -39,8 +39,7 @@ class ByteReader {
   explicit ByteReader(std::string_view bytes) : bytes_(bytes) {}
 
   template <typename T>
-    requires std::is_arithmetic_v<T>
-  T Get() {
+  requires std::is_arithmetic_v<T> T Get() {
     T value{};
     if (remaining() < sizeof(T)) {
       Fail();

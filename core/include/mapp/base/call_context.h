@@ -1,11 +1,11 @@
 #pragma once
 
+#include "mapp/base/status.h"
+
 #include <chrono>
 #include <functional>
 #include <stop_token>
 #include <string>
-
-#include "mapp/base/status.h"
 
 namespace mapp {
 

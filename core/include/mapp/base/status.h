@@ -17,10 +17,10 @@ Status Annotate(const Status& status, const std::string& context);
 }  // namespace mapp
 
 /// Returns from the enclosing function when `expr` (a Status) is not OK.
-#define MAPP_RETURN_IF_ERROR(expr)                        \
-  do {                                                    \
-    ::absl::Status mapp_status_ = (expr);                 \
-    if (!mapp_status_.ok()) return mapp_status_;          \
+#define MAPP_RETURN_IF_ERROR(expr)               \
+  do {                                           \
+    ::absl::Status mapp_status_ = (expr);        \
+    if (!mapp_status_.ok()) return mapp_status_; \
   } while (false)
 
 #define MAPP_CONCAT_INNER_(a, b) a##b

@@ -1,13 +1,15 @@
 #pragma once
 
+#include "mapp/base/status.h"
+
 #include <Eigen/Core>
+#include <Eigen/Geometry>
+
 #include <array>
 #include <optional>
 #include <string>
 #include <variant>
 #include <vector>
-
-#include "mapp/base/status.h"
 
 namespace mapp {
 

@@ -1,10 +1,10 @@
 #pragma once
 
-#include <string>
-#include <string_view>
-
 #include "mapp/base/status.h"
 #include "mapp/map/keyframe.h"
+
+#include <string>
+#include <string_view>
 
 namespace mapp {
 

@@ -1,14 +1,14 @@
 #pragma once
 
-#include <optional>
-#include <string>
-#include <string_view>
-#include <vector>
-
 #include "mapp/base/status.h"
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/keyframe.h"
 #include "mapp/view/sampler.h"
+
+#include <optional>
+#include <string>
+#include <string_view>
+#include <vector>
 
 namespace mapp {
 

@@ -1,14 +1,14 @@
 #pragma once
 
-#include <cstdint>
-#include <optional>
-#include <vector>
-
 #include "mapp/base/id.h"
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/feature/feature.h"
 #include "mapp/geometry/pose3.h"
+
+#include <cstdint>
+#include <optional>
+#include <vector>
 
 namespace mapp {
 

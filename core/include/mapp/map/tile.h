@@ -1,16 +1,17 @@
 #pragma once
 
+#include "mapp/base/id.h"
+#include "mapp/base/status.h"
+#include "mapp/feature/feature.h"
+#include "mapp/geometry/pose3.h"
+
 #include <Eigen/Core>
+
 #include <array>
 #include <compare>
 #include <cstdint>
 #include <string>
 #include <vector>
-
-#include "mapp/base/id.h"
-#include "mapp/base/status.h"
-#include "mapp/feature/feature.h"
-#include "mapp/geometry/pose3.h"
 
 namespace mapp {
 
@@ -27,6 +28,8 @@ struct TileKey {
 };
 
 inline constexpr double kDefaultTileEdgeM = 8.0;
+/// Tiles are smaller than this, metres.
+inline constexpr double kMaxTileEdgeM = 1000.0;
 
 /// The tiling of one map.
 struct TileGrid {
@@ -46,8 +49,8 @@ struct TileFrame {
 struct TilePoint {
   static constexpr int kMaxObservers = 4;
   MapPointId id;
-  Eigen::Vector3f p_map = Eigen::Vector3f::Zero();  ///< metres, quantised to 1 mm within the tile
-  OrbDescriptor descriptor;                         ///< representative: least median distance to the others
+  Eigen::Vector3f p_map = Eigen::Vector3f::Zero();            ///< metres, quantised to edge / 65535 within the tile
+  OrbDescriptor descriptor;                                   ///< representative: least median distance to the others
   Eigen::Vector3f view_direction = Eigen::Vector3f::UnitZ();  ///< unit, mean of (point - observing camera centre)
   /// Distance at which the point would be detected at octave 0, metres; octave o fits distance reference / 1.2^o.
   float reference_distance_m = 1;

@@ -1,12 +1,15 @@
 #pragma once
 
+#include "mapp/camera/camera_model.h"
+
 #include <array>
 #include <cstdint>
 #include <span>
 
-#include "mapp/camera/camera_model.h"
-
 namespace mapp {
+
+/// Each cell's ln-depth range is widened by this at both ends when it is sampled (OVERLAP study).
+inline constexpr double kLnDepthPadding = 0.08;
 
 /// Depth range of a keyframe's own points in 4 x 3 image cells: 10th and 90th percentile, a byte each on a log scale
 /// (DESIGN 4, 5). Code 0 = the cell has no points; else depth = 0.1 m * 1000^((code - 1) / 254).

@@ -1,13 +1,15 @@
 #pragma once
 
+#include "mapp/camera/camera_model.h"
+#include "mapp/view/depth_sketch.h"
+
 #include <Eigen/Core>
+
+#include <cmath>
 #include <cstdint>
 #include <memory>
 #include <span>
 #include <vector>
-
-#include "mapp/camera/camera_model.h"
-#include "mapp/view/depth_sketch.h"
 
 namespace mapp {
 

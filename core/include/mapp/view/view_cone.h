@@ -1,18 +1,19 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <vector>
-
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/tile.h"
+
+#include <Eigen/Core>
+
+#include <vector>
 
 namespace mapp {
 
 /// VCone = {P, h, FOV}: apex at the camera, axis along +z (paper section 4.1, equation 3).
 struct ViewCone {
   Pose3 T_map_camera;
-  double range_m = 20.0;      ///< h
-  double field_of_view = 0;   ///< full opening angle, radians; pi and more means the whole half space or sphere
+  double range_m = 20.0;     ///< h
+  double field_of_view = 0;  ///< full opening angle, radians; pi and more means the whole half space or sphere
 
   bool Contains(const Eigen::Vector3d& p_map) const;
   /// A box that holds the cone (tight to the axis-aligned extent of apex, cap and rim).

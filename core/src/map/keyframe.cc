@@ -1,0 +1,60 @@
+#include "mapp/map/keyframe.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace mapp {
+namespace {
+
+constexpr float kMaxDepthM = 10000.0F;
+
+Status ValidateFeature(const KeyframeFeature& feature, size_t idx, const Camera& camera) {
+  const Keypoint& keypoint = feature.keypoint;
+  const Eigen::Vector2d pixel(keypoint.u_px, keypoint.v_px);
+  if (!pixel.allFinite() || !camera.Contains(pixel)) {
+    return absl::InvalidArgumentError(fmt::format("keyframe.features[{}].pixel: ({}, {}) is outside the {} x {} image",
+                                                  idx, keypoint.u_px, keypoint.v_px, camera.width_px,
+                                                  camera.height_px));
+  }
+  if (keypoint.octave >= kPyramidLevels) {
+    return absl::InvalidArgumentError(
+        fmt::format("keyframe.features[{}].octave: must be below {}, got {}", idx, kPyramidLevels, keypoint.octave));
+  }
+  if (!std::isfinite(keypoint.angle)) {
+    return absl::InvalidArgumentError(fmt::format("keyframe.features[{}].angle: must be finite", idx));
+  }
+  if (!feature.point) return absl::OkStatus();
+  if (!(feature.point->depth_m > 0 && feature.point->depth_m < kMaxDepthM)) {
+    return absl::InvalidArgumentError(fmt::format("keyframe.features[{}].depth_m: must be in (0, {}), got {}", idx,
+                                                  kMaxDepthM, feature.point->depth_m));
+  }
+  if (feature.point->num_observations == 0) {
+    return absl::InvalidArgumentError(fmt::format("keyframe.features[{}].num_observations: must be at least 1", idx));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace
+
+Status Validate(const Keyframe& keyframe, const Camera& camera) {
+  if (!keyframe.T_frame_camera.IsFinite()) return absl::InvalidArgumentError("keyframe.pose: must be finite");
+  const double farthest = keyframe.T_frame_camera.translation().cwiseAbs().maxCoeff();
+  if (farthest > kMaxCoordinateM) {
+    return absl::InvalidArgumentError(
+        fmt::format("keyframe.pose: coordinates must be within {} m, got {}", kMaxCoordinateM, farthest));
+  }
+  if (keyframe.overlap && !(*keyframe.overlap >= 0 && *keyframe.overlap <= 1)) {
+    return absl::InvalidArgumentError(fmt::format("keyframe.overlap: must be in [0, 1], got {}", *keyframe.overlap));
+  }
+  if (keyframe.features.size() > static_cast<size_t>(kMaxFeatures)) {
+    return absl::InvalidArgumentError(
+        fmt::format("keyframe.features: at most {}, got {}", kMaxFeatures, keyframe.features.size()));
+  }
+  for (size_t i = 0; i < keyframe.features.size(); ++i) {
+    MAPP_RETURN_IF_ERROR(ValidateFeature(keyframe.features[i], i, camera));
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace mapp
