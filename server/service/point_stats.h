@@ -4,6 +4,8 @@
 #include "mapp/geometry/pose3.h"
 #include "storage/records.h"
 
+#include <span>
+
 namespace mapp {
 
 /// Point of `feature` rebuilt from its ray and depth, in the frame of `T_frame_camera` (DESIGN 4).
