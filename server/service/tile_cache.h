@@ -20,7 +20,7 @@ struct TileChange {
   TileKey key;
   std::vector<PointRecord> upserted;  ///< new or changed points of this tile
   std::vector<MapPointId> removed;    ///< points that left it
-  std::vector<TileFrame> frames;      ///< frames that `upserted` observers refer to
+  std::vector<TileFrame> frames;      ///< observers of `upserted` points that the tile may not know yet
 };
 
 /// Tiles of all maps in memory, least recently used dropped beyond the byte limit; loaded from the store on demand.
