@@ -36,7 +36,7 @@ class TileCache {
   StatusOr<std::shared_ptr<const LoadedTile>> GetTile(MapId map, const TileKey& key);
 
   /// Called after a commit, in commit order (MapStore::Write's on_commit): takes appended and changed points into the
-  /// tiles in memory, without reading the store.
+  /// tiles in memory, without reading the store. At most one change a tile.
   void Apply(MapId map, Revision revision, std::span<const TileChange> changes);
   /// Drops tiles in memory; the next use loads them. For commits that moved much (merge, optimisation).
   void Invalidate(MapId map, std::span<const TileKey> keys);
