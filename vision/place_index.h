@@ -1,10 +1,12 @@
 #pragma once
 
+#include "mapp/feature/feature.h"
+
 #include <cstdint>
+#include <functional>
+#include <memory>
 #include <span>
 #include <vector>
-
-#include "mapp/feature/feature.h"
 
 namespace mapp {
 
@@ -15,6 +17,7 @@ class PlaceIndex {
  public:
   struct Options {
     int num_tables = 8;
+    /// Range [8, 32]. More bits make a collision say more and happen less often.
     int bits_per_key = 20;
     /// Buckets beyond this many entries are too common to tell places apart: they stop counting.
     int max_bucket_entries = 200;
@@ -24,25 +27,26 @@ class PlaceIndex {
     uint64_t frame = 0;
     double score = 0;  ///< sum of bucket weights over the square root of the frame's feature count
   };
+  /// Whether a frame may be a candidate.
+  using Filter = std::function<bool(uint64_t frame)>;
 
   explicit PlaceIndex(const Options& options);
+  ~PlaceIndex();
+  PlaceIndex(PlaceIndex&&) noexcept;
+  PlaceIndex& operator=(PlaceIndex&&) noexcept;
 
   /// `frame` is the caller's key; adding it again adds to it.
   void Add(uint64_t frame, std::span<const OrbDescriptor> descriptors);
+  /// Forgets the frame; unknown frames are ignored. Its memory is reclaimed once removed frames outnumber the others.
   void Remove(uint64_t frame);
-  /// Best `max_candidates` frames by score, best first, of those for which `accept` (if any) is not cleared.
-  std::vector<Candidate> Query(std::span<const OrbDescriptor> descriptors, size_t max_candidates) const;
-  size_t num_frames() const { return feature_counts_.size(); }
+  /// Best `max_candidates` frames by score, best first (by key among equals), of those that `accept`, if any, passes.
+  std::vector<Candidate> Query(std::span<const OrbDescriptor> descriptors, size_t max_candidates,
+                               const Filter& accept = {}) const;
+  size_t num_frames() const;
 
  private:
-  struct Posting {
-    uint32_t frame_slot;
-  };
-  Options options_;
-  std::vector<std::vector<uint8_t>> key_bits_;  ///< per table, which bits form the key
-  std::vector<std::vector<std::vector<uint32_t>>> tables_;
-  std::vector<uint64_t> slot_frames_;
-  std::vector<uint32_t> feature_counts_;
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
 };
 
 }  // namespace mapp

@@ -1,5 +1,7 @@
 #include "vision/pose_optimizer.h"
 
+#include "vision/reprojection.h"
+
 #include <Eigen/Cholesky>
 
 #include <algorithm>
@@ -11,19 +13,10 @@ namespace {
 using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
-/// Points nearer than this to the camera's plane have no usable projection.
-constexpr double kMinDepth_m = 0.01;
 constexpr int kMinInliers = 6;
 /// Cost of an active observation behind the camera, in units of its chi-square bound: high enough that no step gains
 /// by turning points away, bounded so that a single false match cannot veto a step.
 constexpr double kBehindCameraPenalty = 10.0;
-
-/// Whitened residual and its Jacobian with respect to the right perturbation of T_world_camera. Row 2 (disparity)
-/// is used only when the observation has a depth.
-struct Linearization {
-  Eigen::Vector3d residual = Eigen::Vector3d::Zero();
-  Eigen::Matrix<double, 3, 6> jacobian = Eigen::Matrix<double, 3, 6>::Zero();
-};
 
 struct NormalEquations {
   Matrix6d hessian = Matrix6d::Zero();
@@ -54,7 +47,7 @@ class PoseProblem {
       const PoseObservation& observation = observations_[i];
       const Eigen::Vector3d p_camera = R_camera_world * observation.p_world + T_camera_world.translation();
       const double bound = Bound(observation);
-      if (p_camera.z() < kMinDepth_m) {
+      if (p_camera.z() < internal::kMinDepth_m) {
         cost += kBehindCameraPenalty * bound;
         continue;
       }
@@ -73,13 +66,15 @@ class PoseProblem {
       if (!active_[i]) continue;
       const PoseObservation& observation = observations_[i];
       const Eigen::Vector3d p_camera = R_camera_world * observation.p_world + T_camera_world.translation();
-      if (p_camera.z() < kMinDepth_m) continue;
-      const Linearization linear = LinearizeObservation(observation, p_camera);
-      const double chi2 = linear.residual.squaredNorm();
+      if (p_camera.z() < internal::kMinDepth_m) continue;
+      const Eigen::Vector3d residual = Residual(observation, p_camera);
+      const Eigen::Matrix<double, 3, 6> jacobian =
+          internal::ByPose(internal::ReprojectionByPoint(camera_, Measured(observation), p_camera), p_camera);
+      const double chi2 = residual.squaredNorm();
       const double bound = Bound(observation);
       const double weight = robust && chi2 > bound ? std::sqrt(bound / chi2) : 1.0;
-      normal.hessian.noalias() += weight * linear.jacobian.transpose() * linear.jacobian;
-      normal.gradient.noalias() += weight * linear.jacobian.transpose() * linear.residual;
+      normal.hessian.noalias() += weight * jacobian.transpose() * jacobian;
+      normal.gradient.noalias() += weight * jacobian.transpose() * residual;
     }
     return normal;
   }
@@ -90,7 +85,7 @@ class PoseProblem {
     for (size_t i = 0; i < observations_.size(); ++i) {
       const PoseObservation& observation = observations_[i];
       const Eigen::Vector3d p_camera = T_camera_world * observation.p_world;
-      active_[i] = IsUsable(observation) && p_camera.z() >= kMinDepth_m &&
+      active_[i] = IsUsable(observation) && p_camera.z() >= internal::kMinDepth_m &&
                    Residual(observation, p_camera).squaredNorm() <= Bound(observation);
     }
   }
@@ -113,29 +108,12 @@ class PoseProblem {
            std::isfinite(observation.sigma_px) && std::isfinite(observation.depth_m);
   }
 
-  Eigen::Vector3d Residual(const PoseObservation& observation, const Eigen::Vector3d& p_camera) const {
-    const double inverse_z = 1.0 / p_camera.z();
-    Eigen::Vector3d residual(camera_.fx * p_camera.x() * inverse_z + camera_.cx - observation.pixel.x(),
-                             camera_.fy * p_camera.y() * inverse_z + camera_.cy - observation.pixel.y(), 0.0);
-    if (observation.depth_m > 0) residual.z() = options_.bf_px_m * (inverse_z - 1.0 / observation.depth_m);
-    return residual / observation.sigma_px;
+  internal::ReprojectionMeasurement Measured(const PoseObservation& observation) const {
+    return {observation.pixel, observation.sigma_px, observation.depth_m, options_.bf_px_m};
   }
 
-  Linearization LinearizeObservation(const PoseObservation& observation, const Eigen::Vector3d& p_camera) const {
-    Linearization linear;
-    linear.residual = Residual(observation, p_camera);
-    const double inverse_z = 1.0 / p_camera.z();
-    Eigen::Matrix3d by_point = Eigen::Matrix3d::Zero();
-    by_point(0, 0) = camera_.fx * inverse_z;
-    by_point(0, 2) = -camera_.fx * p_camera.x() * inverse_z * inverse_z;
-    by_point(1, 1) = camera_.fy * inverse_z;
-    by_point(1, 2) = -camera_.fy * p_camera.y() * inverse_z * inverse_z;
-    if (observation.depth_m > 0) by_point(2, 2) = -options_.bf_px_m * inverse_z * inverse_z;
-    by_point /= observation.sigma_px;
-    // p_camera(T Exp(d)) = Exp(-d) p_camera = p_camera - rho + p_camera x phi, to first order.
-    linear.jacobian.leftCols<3>() = -by_point;
-    linear.jacobian.rightCols<3>().noalias() = by_point * Skew(p_camera);
-    return linear;
+  Eigen::Vector3d Residual(const PoseObservation& observation, const Eigen::Vector3d& p_camera) const {
+    return internal::ReprojectionError(camera_, Measured(observation), p_camera);
   }
 
   const PinholeCamera& camera_;
