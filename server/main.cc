@@ -1,0 +1,145 @@
+// mapp-server: the map service as a process.
+
+#include "log/log.h"
+#include "server/config.h"
+#include "server/grpc_log.h"
+#include "server/rpc/prometheus_exporter.h"
+#include "server/rpc/rpc_server.h"
+#include "server/service/map_service.h"
+#include "storage/sqlite/migrator.h"
+#include "storage/sqlite/sqlite_map_store.h"
+
+#include <fmt/format.h>
+
+#include <chrono>
+#include <cstdio>
+#include <filesystem>
+#include <fstream>
+#include <pthread.h>
+#include <signal.h>
+
+namespace mapp {
+namespace {
+
+constexpr int kExitFailed = 1;
+
+/// SIGTERM and SIGINT as something to wait for. Constructed before the first thread, which all inherit the block.
+class StopSignals {
+ public:
+  StopSignals() {
+    sigemptyset(&signals_);
+    sigaddset(&signals_, SIGTERM);
+    sigaddset(&signals_, SIGINT);
+    pthread_sigmask(SIG_BLOCK, &signals_, nullptr);
+    signal(SIGPIPE, SIG_IGN);  // a log reader that went away is no reason to stop serving
+  }
+  /// Returns the signal's name. A second one ends the process at once, which loses nothing that was acknowledged.
+  std::string Wait() {
+    int signal = 0;
+    sigwait(&signals_, &signal);
+    pthread_sigmask(SIG_UNBLOCK, &signals_, nullptr);
+    return signal == SIGTERM ? "SIGTERM" : "SIGINT";
+  }
+
+ private:
+  sigset_t signals_;
+};
+
+void LogConfig(const ServerConfig& config) {
+  log::Info("starting", {{"version", MAPP_VERSION},
+                         {"db", config.database_file},
+                         {"listen", config.listen_address},
+                         {"insecure_listen_any", config.insecure_listen_any},
+                         {"port_file", config.port_file},
+                         {"cache_mb", config.cache_mb},
+                         {"log_level", config.log_level},
+                         {"metrics_listen", config.metrics_address},
+                         {"drain_seconds", config.drain.count()}});
+}
+
+/// Of a run before this one: a script that waits for the file must not find it.
+Status RemovePortFile(const std::string& file) {
+  std::error_code error;
+  std::filesystem::remove(file, error);
+  if (error) return absl::InternalError(fmt::format("cannot remove the old port file {}: {}", file, error.message()));
+  return absl::OkStatus();
+}
+
+/// Beside and renamed, so that a script that waits for the file never reads half of it.
+Status WritePortFile(const std::string& file, int port) {
+  const std::string partial = file + ".partial";
+  {
+    std::ofstream out(partial, std::ios::trunc);
+    out << port << '\n';
+    out.close();
+    if (!out) return absl::InternalError(fmt::format("cannot write the port file {}", partial));
+  }
+  std::error_code error;
+  std::filesystem::rename(partial, file, error);
+  if (error) return absl::InternalError(fmt::format("cannot write the port file {}: {}", file, error.message()));
+  return absl::OkStatus();
+}
+
+MapServiceOptions ServiceOptions(const ServerConfig& config) {
+  MapServiceOptions options;
+  options.cache_bytes = static_cast<size_t>(config.cache_mb) << 20;
+  options.registrar.on_error = [](SessionId session, const Status& status) {
+    log::Warning("registration_failed", {{"session", session.value()}, {"error", status.ToString()}});
+  };
+  return options;
+}
+
+RpcServerOptions RpcOptions(const ServerConfig& config, const MapServiceOptions& service, CallObserver* observer) {
+  RpcServerOptions options;
+  options.listen_address = config.listen_address;
+  options.max_keyframe_bytes = static_cast<uint32_t>(service.max_keyframe_bytes);
+  options.facts.version = MAPP_VERSION;
+  options.facts.schema_version = static_cast<uint32_t>(sqlite::EmbeddedMigrations().back().version);
+  options.facts.started_unix_ns =
+      std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
+  options.observer = observer;
+  return options;
+}
+
+/// Serves until a stop signal; everything is in order again when it returns.
+Status Serve(const ServerConfig& config, StopSignals& signals) {
+  if (!config.port_file.empty()) MAPP_RETURN_IF_ERROR(RemovePortFile(config.port_file));
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapStore> store, OpenSqliteMapStore(config.database_file));
+  const MapServiceOptions service_options = ServiceOptions(config);
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapService> service, MapService::Create(*store, service_options));
+  std::unique_ptr<PrometheusExporter> exporter;
+  if (!config.metrics_address.empty()) {
+    MAPP_ASSIGN_OR_RETURN(exporter, PrometheusExporter::Listen(config.metrics_address));
+  }
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<RpcServer> server,
+                        RpcServer::Start(*service, RpcOptions(config, service_options, exporter.get())));
+  if (!config.port_file.empty()) MAPP_RETURN_IF_ERROR(WritePortFile(config.port_file, server->port()));
+  log::Info("serving", {{"port", server->port()}});
+
+  const std::string signal = signals.Wait();
+  log::Info("draining", {{"signal", signal}, {"seconds", config.drain.count()}});
+  server->Shutdown(config.drain);
+  service->Shutdown();
+  MAPP_RETURN_IF_ERROR(store->Close());
+  log::Info("stopped");
+  return absl::OkStatus();
+}
+
+int Main(int argc, char** argv) {
+  StopSignals signals;
+  const ParsedConfig parsed = ParseServerConfig(argc, argv, MAPP_VERSION);
+  if (parsed.exit_code) return *parsed.exit_code;
+  log::SetLevel(parsed.config.log_level);
+  RouteGrpcLog();
+  LogConfig(parsed.config);
+  const Status status = Serve(parsed.config, signals);
+  if (status.ok()) return 0;
+  const std::string message(status.message().data(), status.message().size());
+  std::fprintf(stderr, "mapp-server: %s\n", message.c_str());
+  return kExitFailed;
+}
+
+}  // namespace
+}  // namespace mapp
+
+int main(int argc, char** argv) { return mapp::Main(argc, argv); }

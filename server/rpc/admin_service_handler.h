@@ -1,0 +1,44 @@
+#pragma once
+
+#include "mapp/v1/admin_service.grpc.pb.h"
+#include "server/rpc/call_runner.h"
+#include "server/service/map_service.h"
+
+#include <string>
+
+namespace mapp {
+
+/// What GetServerInfo tells besides the calls' figures.
+struct ServerFacts {
+  std::string version;
+  uint32_t schema_version = 0;
+  int64_t started_unix_ns = 0;
+};
+
+/// The gRPC face of what operators ask of MapService.
+class AdminServiceHandler final : public v1::AdminService::Service {
+ public:
+  /// Both must outlive the handler.
+  AdminServiceHandler(MapService& service, CallRunner& runner, const ServerFacts& facts)
+      : service_(service), runner_(runner), facts_(facts) {}
+
+  grpc::Status GetServerInfo(grpc::ServerContext* context, const v1::GetServerInfoRequest* request,
+                             v1::GetServerInfoResponse* response) override;
+  grpc::Status ListMaps(grpc::ServerContext* context, const v1::ListMapsRequest* request,
+                        v1::ListMapsResponse* response) override;
+  grpc::Status GetMap(grpc::ServerContext* context, const v1::GetMapRequest* request,
+                      v1::GetMapResponse* response) override;
+  grpc::Status DeleteMap(grpc::ServerContext* context, const v1::DeleteMapRequest* request,
+                         v1::DeleteMapResponse* response) override;
+  grpc::Status ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest* request,
+                            v1::ListSessionsResponse* response) override;
+  grpc::Status ExportMap(grpc::ServerContext* context, const v1::ExportMapRequest* request,
+                         grpc::ServerWriter<v1::ExportMapResponse>* writer) override;
+
+ private:
+  MapService& service_;
+  CallRunner& runner_;
+  const ServerFacts facts_;
+};
+
+}  // namespace mapp

@@ -1,0 +1,23 @@
+#include "server/rpc/admin_service_handler.h"
+
+namespace mapp {
+
+grpc::Status AdminServiceHandler::GetServerInfo(grpc::ServerContext* context, const v1::GetServerInfoRequest* request,
+                                                v1::GetServerInfoResponse* response) {
+  return runner_.Unary("GetServerInfo", *context, *request, *response, [&](const Call&) -> Status {
+    response->set_version(facts_.version);
+    response->set_schema_version(facts_.schema_version);
+    response->set_started_unix_ns(facts_.started_unix_ns);
+    for (const MethodFigures& figures : runner_.recorder().Snapshot()) {
+      auto& out = *response->add_methods();
+      out.set_method(figures.method);
+      out.set_num_calls(figures.num_calls);
+      out.set_num_errors(figures.num_errors);
+      out.set_median_ms(figures.median_ms);
+      out.set_p95_ms(figures.p95_ms);
+    }
+    return absl::OkStatus();
+  });
+}
+
+}  // namespace mapp
