@@ -1,0 +1,132 @@
+#include "client_sdk/src/tracker/front_end.h"
+
+#include "client_sdk/src/tracker/local_window.h"
+
+#include <utility>
+
+namespace mapp::tracker {
+namespace {
+
+/// Half the search window around a predicted pose: the prediction is off by what a hand changes in 1/15 s.
+constexpr double kPredictedRadiusPx = 12.0;
+/// ... and around a pose that the last frame's points have refined.
+constexpr double kRefinedRadiusPx = 5.0;
+
+/// Features of a frame with depth but no map point, as points of the moment: they help to find the next pose when
+/// little of the map is in view, and are forgotten then.
+void AppendDepthPoints(const TrackedFrame& tracked, const TrackingCamera& camera, std::vector<PointView>* points) {
+  const Frame& frame = *tracked.frame;
+  for (size_t feature = 0; feature < frame.size(); ++feature) {
+    const auto depth_m = static_cast<double>(frame.depths_m[feature]);
+    if (tracked.points[feature] != kNone || !(depth_m > 0) || depth_m > camera.max_depth_m) continue;
+    PointView point;
+    const Eigen::Vector3d p_camera = depth_m * camera.pinhole.Unproject(frame.pixels[feature]);
+    point.p_session = tracked.T_session_camera * p_camera;
+    const Eigen::Vector3d ray = point.p_session - tracked.T_session_camera.translation();
+    point.view_direction = ray.normalized().cast<float>();
+    point.reference_distance_m = static_cast<float>(ray.norm()) * OctaveScale(frame.features[feature].keypoint.octave);
+    point.descriptor = frame.features[feature].descriptor;
+    points->push_back(point);
+  }
+}
+
+}  // namespace
+
+void FrontEnd::Refresh() {
+  if (!last_ || last_->reference_keyframe_idx == kNone) return;
+  MutexLock lock(shared_.mutex);
+  last_->T_session_camera =
+      shared_.map.keyframe(last_->reference_keyframe_idx).T_session_camera * last_->T_reference_camera;
+}
+
+std::vector<PointView> FrontEnd::PointsOfLastFrame() const {
+  std::vector<PointView> points;
+  {
+    MutexLock lock(shared_.mutex);
+    points = CopyPoints(shared_.map, last_->points);
+  }
+  AppendDepthPoints(*last_, camera_, &points);
+  return points;
+}
+
+std::optional<PoseEstimate> FrontEnd::TrackFromLast(const Frame& frame) const {
+  if (!last_) return std::nullopt;
+  const Pose3 T_session_camera_guess =
+      T_previous_last_ ? last_->T_session_camera * *T_previous_last_ : last_->T_session_camera;
+  SearchOptions options;
+  options.radius_px = kPredictedRadiusPx;
+  PoseEstimate estimate = SearchAndRefine(frame, camera_, T_session_camera_guess, PointsOfLastFrame(), options,
+                                          options_.min_tracked_points);
+  if (estimate.num_inliers >= options_.min_tracked_points) return estimate;
+  return TrackReferenceKeyframe(frame);
+}
+
+std::optional<PoseEstimate> FrontEnd::TrackReferenceKeyframe(const Frame& frame) const {
+  if (last_->reference_keyframe_idx == kNone) return std::nullopt;
+  std::vector<PointView> points;
+  {
+    MutexLock lock(shared_.mutex);
+    points = CopyPoints(shared_.map, shared_.map.keyframe(last_->reference_keyframe_idx).points);
+  }
+  std::vector<OrbDescriptor> point_descriptors, frame_descriptors;
+  for (const PointView& point : points) point_descriptors.push_back(point.descriptor);
+  for (const Feature& feature : frame.features) frame_descriptors.push_back(feature.descriptor);
+  const std::vector<Match> matches = MatchDescriptors(point_descriptors, frame_descriptors, MatchOptions());
+  PoseEstimate estimate = RefinePose(frame, camera_, last_->T_session_camera, points, matches);
+  if (estimate.num_inliers < options_.min_tracked_points) return std::nullopt;
+  return estimate;
+}
+
+std::optional<TrackedFrame> FrontEnd::TrackLocalWindow(const std::shared_ptr<const Frame>& frame,
+                                                       const PoseEstimate& estimate,
+                                                       std::span<const PointView> known_points, int generation) {
+  LocalWindow window;
+  {
+    MutexLock lock(shared_.mutex);
+    window = GatherLocalWindow(shared_.map, estimate.points, estimate.T_session_camera, generation);
+  }
+  // Shared points that keyframes observe are in the window already.
+  std::vector<PointView> points = std::move(window.points);
+  points.insert(points.end(), known_points.begin(), known_points.end());
+
+  SearchOptions options;
+  options.radius_px = kRefinedRadiusPx;
+  const SearchResult found = SearchByProjection(*frame, camera_, estimate.T_session_camera, points, options);
+  PoseEstimate refined = RefinePose(*frame, camera_, estimate.T_session_camera, points, found.matches);
+  if (refined.num_inliers < options_.min_tracked_points) return std::nullopt;
+
+  TrackedFrame tracked;
+  tracked.frame = frame;
+  tracked.T_session_camera = refined.T_session_camera;
+  tracked.points = std::move(refined.points);
+  tracked.reference_keyframe_idx = window.reference_keyframe_idx;
+  MutexLock lock(shared_.mutex);
+  SessionMap& map = shared_.map;
+  for (const int visible : found.visible) {
+    const int point_idx = map.Resolve(points[static_cast<size_t>(visible)].point_idx);
+    if (point_idx != kNone) ++map.mutable_point(point_idx).num_visible;
+  }
+  for (const int inlier : tracked.points) {
+    const int point_idx = inlier == kNone ? kNone : map.Resolve(inlier);
+    if (point_idx != kNone) ++map.mutable_point(point_idx).num_found;
+  }
+  if (tracked.reference_keyframe_idx != kNone) {
+    tracked.T_reference_camera =
+        map.keyframe(tracked.reference_keyframe_idx).T_session_camera.Inverse() * tracked.T_session_camera;
+  }
+  return tracked;
+}
+
+void FrontEnd::SetLast(TrackedFrame tracked, bool consecutive) {
+  T_previous_last_.reset();
+  if (consecutive && last_) T_previous_last_ = last_->T_session_camera.Inverse() * tracked.T_session_camera;
+  last_ = std::move(tracked);
+}
+
+void FrontEnd::SetLastKeyframe(int keyframe_idx, std::vector<int> points) {
+  last_->reference_keyframe_idx = keyframe_idx;
+  last_->T_reference_camera = Pose3();
+  last_->points = std::move(points);
+}
+
+}  // namespace mapp::tracker

@@ -1,0 +1,59 @@
+#include "client_sdk/src/tracker/keyframe_export.h"
+
+#include <algorithm>
+#include <limits>
+
+namespace mapp::tracker {
+namespace {
+
+constexpr double kMinDepthM = 0.05;
+
+std::optional<PointReference> MakeReference(const MapPoint& point, const Pose3& T_camera_session) {
+  const double z_m = (T_camera_session * point.view.p_session).z();
+  if (!(z_m > kMinDepthM)) return std::nullopt;
+  PointReference reference;
+  reference.kind = point.server_id ? PointReference::Kind::kMapPoint : PointReference::Kind::kSessionPoint;
+  reference.id = point.server_id ? point.server_id->value() : point.session_id;
+  reference.depth_m = static_cast<float>(z_m);
+  constexpr size_t kMost = std::numeric_limits<uint16_t>::max();
+  reference.num_observations = static_cast<uint16_t>(std::clamp<size_t>(point.observations.size(), 1, kMost));
+  return reference;
+}
+
+Keyframe MakeKeyframe(const SessionMap& map, const Frame& frame, const Pose3& T_session_camera,
+                      const std::vector<int>& points) {
+  Keyframe keyframe;
+  keyframe.stamp_ns = frame.stamp_ns;
+  keyframe.T_frame_camera = T_session_camera;
+  keyframe.features.reserve(frame.size());
+  const Pose3 T_camera_session = T_session_camera.Inverse();
+  for (size_t feature = 0; feature < frame.size(); ++feature) {
+    keyframe.features.push_back({frame.features[feature].keypoint, frame.features[feature].descriptor, std::nullopt});
+    const int point_idx = points[feature] == kNone ? kNone : map.Resolve(points[feature]);
+    if (point_idx != kNone) keyframe.features.back().point = MakeReference(map.point(point_idx), T_camera_session);
+  }
+  return keyframe;
+}
+
+}  // namespace
+
+Keyframe ExportKeyframe(const SessionMap& map, int keyframe_idx) {
+  const MapKeyframe& keyframe = map.keyframe(keyframe_idx);
+  return MakeKeyframe(map, *keyframe.frame, keyframe.T_session_camera, keyframe.points);
+}
+
+Keyframe ExportFrame(SessionMap& map, const TrackingCamera& camera, const Frame& frame, const Pose3& T_session_camera,
+                     const std::vector<int>& points) {
+  Keyframe keyframe = MakeKeyframe(map, frame, T_session_camera, points);
+  for (size_t feature = 0; feature < frame.size(); ++feature) {
+    const float depth_m = frame.depths_m[feature];
+    if (keyframe.features[feature].point || !(depth_m > kMinDepthM) || depth_m > camera.max_depth_m) continue;
+    PointReference reference;
+    reference.id = map.ReserveSessionIds(1);
+    reference.depth_m = depth_m;
+    keyframe.features[feature].point = reference;
+  }
+  return keyframe;
+}
+
+}  // namespace mapp::tracker

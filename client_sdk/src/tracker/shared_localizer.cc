@@ -1,0 +1,101 @@
+#include "client_sdk/src/tracker/shared_localizer.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace mapp::tracker {
+namespace {
+
+/// Half the search window while the frame before was on the map ...
+constexpr double kTrackedRadiusPx = 6.0;
+/// ... and at the first, where the alignment may be off: 10 cm at 1.5 m and 525 px.
+constexpr double kFirstRadiusPx = 35.0;
+/// The last refinement of either.
+constexpr double kRefinedRadiusPx = 5.0;
+constexpr double kMinFeatureShare = 0.4;
+
+}  // namespace
+
+int SharedLocalizer::RequiredMatches(size_t num_features, const OrbTrackerOptions& options) {
+  const int by_share = static_cast<int>(kMinFeatureShare * static_cast<double>(num_features));
+  return std::max(options.min_tracked_points, std::min(options.min_shared_matches, by_share));
+}
+
+std::optional<int> SharedLocalizer::Take(const SharedMap& map) {
+  std::optional<int> retired;
+  if (tried_) retired = tried_->generation;
+  tried_ = Loaded{map.number, ++last_generation_, {}};
+  tried_->points.reserve(map.points.size());
+  MutexLock lock(shared_.mutex);
+  for (const SharedPoint& point : map.points) {
+    PointView view;
+    view.p_session = point.p_session;
+    view.view_direction = point.view_direction_session;
+    view.reference_distance_m = point.reference_distance_m;
+    view.descriptor = point.descriptor;
+    view.point_idx = shared_.map.AddSharedPoint(view, point.id, tried_->generation);
+    tried_->points.push_back(view);
+  }
+  in_use_ = true;
+  first_frame_ = true;
+  last_localized_ = false;
+  return retired;
+}
+
+std::optional<int> SharedLocalizer::Leave(bool* was_adopted) {
+  std::optional<int> retired;
+  if (tried_) retired = tried_->generation;
+  *was_adopted = in_use_ && !tried_;
+  tried_.reset();
+  in_use_ = false;
+  return retired;
+}
+
+SharedLocalizer::Outcome SharedLocalizer::Localize(const Frame& frame,
+                                                   const std::optional<Pose3>& T_session_camera_guess,
+                                                   const Relocalizer& relocalizer) {
+  Outcome outcome;
+  const Loaded& map = tried_ ? *tried_ : *adopted_;
+  outcome.shared_map_number = map.number;
+  outcome.estimate = EstimateOn(map, frame, T_session_camera_guess, relocalizer);
+  outcome.num_matches = outcome.estimate.num_inliers;
+  outcome.localized = outcome.num_matches >= RequiredMatches(frame.size(), options_);
+  first_frame_ = false;
+  last_localized_ = outcome.localized;
+  if (outcome.localized && tried_) {
+    outcome.newly_adopted = true;
+    adopted_ = std::exchange(tried_, std::nullopt);
+  }
+  return outcome;
+}
+
+PoseEstimate SharedLocalizer::EstimateOn(const Loaded& map, const Frame& frame,
+                                         const std::optional<Pose3>& T_session_camera_guess,
+                                         const Relocalizer& relocalizer) {
+  const int required = RequiredMatches(frame.size(), options_);
+  PoseEstimate estimate;
+  estimate.points.assign(frame.size(), kNone);
+  if (T_session_camera_guess) {
+    SearchOptions coarse;
+    coarse.radius_px = last_localized_ ? kTrackedRadiusPx : kFirstRadiusPx;
+    coarse.max_distance = last_localized_ ? coarse.max_distance : 64;
+    estimate = SearchAndRefine(frame, camera_, *T_session_camera_guess, map.points, coarse, required);
+  }
+  // Descriptors alone find the pose where the guess is off by more than the window, but cost a comparison with every
+  // point: worth it at a new map and when there is no guess.
+  if (estimate.num_inliers < required && (first_frame_ || !T_session_camera_guess)) {
+    if (auto found = relocalizer.FindAmongPoints(frame, map.points)) estimate = *std::move(found);
+  }
+  if (estimate.num_inliers < options_.min_tracked_points) return estimate;
+  SearchOptions fine;
+  fine.radius_px = kRefinedRadiusPx;
+  PoseEstimate refined = SearchAndRefine(frame, camera_, estimate.T_session_camera, map.points, fine, 0);
+  return refined.num_inliers > estimate.num_inliers ? refined : estimate;
+}
+
+std::span<const PointView> SharedLocalizer::known_points() const {
+  if (!adopted_) return {};
+  return adopted_->points;
+}
+
+}  // namespace mapp::tracker

@@ -1,0 +1,77 @@
+#pragma once
+
+#include "client_sdk/src/tracker/frame.h"
+#include "client_sdk/src/tracker/point_search.h"
+#include "client_sdk/src/tracker/relocalizer.h"
+#include "client_sdk/src/tracker/session_map.h"
+#include "mapp/client/orb_tracker.h"
+#include "mapp/client/shared_map.h"
+
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace mapp::tracker {
+
+/// Localization on maps that the server shared, and what stays of them.
+///
+/// A shared map is *tried* until the first frame localizes on it; then it is *adopted*: it begins a new generation of
+/// the session's map, and what the device had mapped before is retired, since it may be off from the shared points by
+/// the alignment's error and would pull the pose back. An adopted map's points stay known after LeaveSharedMap, as
+/// fixed points that new keyframes observe under the server's ids. A map that was never adopted leaves no trace.
+/// Tracking thread only.
+class SharedLocalizer {
+ public:
+  struct Outcome {
+    uint32_t shared_map_number = 0;
+    bool localized = false;
+    bool newly_adopted = false;
+    int num_matches = 0;
+    PoseEstimate estimate;  ///< valid when localized
+  };
+
+  SharedLocalizer(SharedSessionMap& shared, const TrackingCamera& camera, const OrbTrackerOptions& options)
+      : shared_(shared), camera_(camera), options_(options) {}
+
+  /// Begins to use a map. Returns a generation to retire: that of a map tried before and never adopted.
+  std::optional<int> Take(const SharedMap& map);
+  /// Stops using the map. `was_adopted` tells whether mapping goes on among its points. Returns as Take.
+  std::optional<int> Leave(bool* was_adopted);
+
+  bool in_use() const { return in_use_; }
+  /// Localizes a frame on the map in use. `guess` is absent when tracking is lost.
+  Outcome Localize(const Frame& frame, const std::optional<Pose3>& T_session_camera_guess,
+                   const Relocalizer& relocalizer);
+  /// Points of the map adopted last: known points of the present generation.
+  std::span<const PointView> known_points() const;
+  /// The part of the session's map in use. Grows with each adoption.
+  int generation() const { return adopted_ ? adopted_->generation : 0; }
+
+  /// Matches below which a frame of `num_features` features is not localized: `min_shared_matches` (75), or 40 % of the
+  /// features where an image has so few that 75 could not be asked of it, but never below `min_tracked_points`.
+  static int RequiredMatches(size_t num_features, const OrbTrackerOptions& options);
+
+ private:
+  struct Loaded {
+    uint32_t number = 0;
+    int generation = 0;
+    std::vector<PointView> points;
+  };
+
+  PoseEstimate EstimateOn(const Loaded& map, const Frame& frame, const std::optional<Pose3>& T_session_camera_guess,
+                          const Relocalizer& relocalizer);
+
+  SharedSessionMap& shared_;
+  const TrackingCamera& camera_;
+  const OrbTrackerOptions& options_;
+  std::optional<Loaded> tried_;
+  std::optional<Loaded> adopted_;
+  bool in_use_ = false;
+  bool first_frame_ = false;  ///< of the map in use
+  bool last_localized_ = false;
+  int last_generation_ = 0;
+};
+
+}  // namespace mapp::tracker

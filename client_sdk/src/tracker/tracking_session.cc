@@ -1,0 +1,185 @@
+#include "client_sdk/src/tracker/tracking_session.h"
+
+#include "client_sdk/src/tracker/keyframe_export.h"
+
+#include <algorithm>
+#include <utility>
+
+namespace mapp::tracker {
+namespace {
+
+/// Features with depth that the first frame needs: a map begun on less is soon lost.
+constexpr int kMinStartPoints = 100;
+/// Keyframes waiting for local mapping beyond which no further one is made.
+constexpr size_t kMaxWaitingKeyframes = 3;
+/// Points that a pose found without a guess must rest on.
+constexpr int kMinRelocalizedPoints = 40;
+
+bool HasUsableDepth(const Frame& frame, size_t feature, const TrackingCamera& camera) {
+  const auto depth_m = static_cast<double>(frame.depths_m[feature]);
+  return depth_m > 0 && depth_m <= camera.max_depth_m;
+}
+
+}  // namespace
+
+TrackingSession::TrackingSession(const TrackingCamera& camera, const OrbTrackerOptions& options)
+    : camera_(camera),
+      options_(options),
+      front_end_(shared_, camera_, options_),
+      relocalizer_(camera_, std::max(options.min_tracked_points, kMinRelocalizedPoints)),
+      shared_localizer_(shared_, camera_, options_),
+      keyframe_policy_(options_),
+      mapper_(shared_, camera_, options_) {}
+
+void TrackingSession::TakeSharedMap(const SharedMap& map) {
+  if (const std::optional<int> retired = shared_localizer_.Take(map)) RetireGeneration(*retired);
+}
+
+void TrackingSession::LeaveSharedMap() {
+  bool was_adopted = false;
+  if (const std::optional<int> retired = shared_localizer_.Leave(&was_adopted)) RetireGeneration(*retired);
+  if (was_adopted) keyframe_policy_.ForceNext();
+}
+
+TrackingResult TrackingSession::Track(const std::shared_ptr<const Frame>& frame) {
+  const TrackingResult result = state_ == TrackingState::kNotStarted ? Start(frame) : TrackStarted(frame);
+  state_ = result.state;
+  if (state_ == TrackingState::kTracking) trajectory_.Add(*front_end_.last(), result.on_shared_map);
+  return result;
+}
+
+TrackingResult TrackingSession::Start(const std::shared_ptr<const Frame>& frame) {
+  TrackingResult result;
+  int num_with_depth = 0;
+  for (size_t feature = 0; feature < frame->size(); ++feature) {
+    if (HasUsableDepth(*frame, feature, camera_)) ++num_with_depth;
+  }
+  if (num_with_depth < kMinStartPoints) return result;
+  TrackedFrame first;
+  first.frame = frame;
+  first.points.assign(frame->size(), kNone);
+  front_end_.SetLast(std::move(first), /*consecutive=*/false);
+  InsertKeyframe();
+  keyframe_policy_.OnKeyframe({num_with_depth, num_with_depth, 0});
+  result.state = TrackingState::kTracking;
+  result.num_matches = num_with_depth;
+  result.is_keyframe = true;
+  return result;
+}
+
+TrackingResult TrackingSession::TrackStarted(const std::shared_ptr<const Frame>& frame) {
+  TrackingResult result;
+  front_end_.Refresh();
+  std::optional<PoseEstimate> estimate;
+  if (state_ == TrackingState::kTracking) estimate = front_end_.TrackFromLast(*frame);
+  if (TrackOnSharedMap(frame, estimate, &result)) return result;
+
+  if (!estimate) estimate = Relocalize(*frame);
+  std::optional<TrackedFrame> tracked;
+  if (estimate) {
+    tracked =
+        front_end_.TrackLocalWindow(frame, *estimate, shared_localizer_.known_points(), shared_localizer_.generation());
+  }
+  if (!tracked) {
+    result.state = TrackingState::kLost;
+    return result;
+  }
+  Accept(*std::move(tracked), &result);
+  return result;
+}
+
+bool TrackingSession::TrackOnSharedMap(const std::shared_ptr<const Frame>& frame,
+                                       const std::optional<PoseEstimate>& estimate, TrackingResult* result) {
+  if (!shared_localizer_.in_use()) return false;
+  std::optional<Pose3> T_session_camera_guess;
+  if (estimate) T_session_camera_guess = estimate->T_session_camera;
+  const int generation_before = shared_localizer_.generation();
+  SharedLocalizer::Outcome outcome = shared_localizer_.Localize(*frame, T_session_camera_guess, relocalizer_);
+  result->shared_map_number = outcome.shared_map_number;
+  result->num_shared_matches = outcome.num_matches;
+  if (!outcome.localized) return false;
+
+  result->on_shared_map = true;
+  if (outcome.newly_adopted) RetireGeneration(generation_before);
+  TrackedFrame tracked;
+  tracked.frame = frame;
+  tracked.T_session_camera = outcome.estimate.T_session_camera;
+  tracked.points = std::move(outcome.estimate.points);
+  // The step onto the shared map is a correction, not a motion.
+  if (outcome.newly_adopted) state_ = TrackingState::kLost;
+  Accept(std::move(tracked), result);
+  return true;
+}
+
+std::optional<PoseEstimate> TrackingSession::Relocalize(const Frame& frame) const {
+  if (auto found = relocalizer_.FindAmongKeyframes(frame, shared_)) return found;
+  if (shared_localizer_.known_points().empty()) return std::nullopt;
+  return relocalizer_.FindAmongPoints(frame, shared_localizer_.known_points());
+}
+
+void TrackingSession::Accept(TrackedFrame tracked, TrackingResult* result) {
+  result->state = TrackingState::kTracking;
+  result->T_session_camera = tracked.T_session_camera;
+  const KeyframePolicy::Observation observation = Observe(tracked, result->on_shared_map);
+  result->num_matches = observation.num_matches;
+  front_end_.SetLast(std::move(tracked), /*consecutive=*/state_ == TrackingState::kTracking);
+  if (!keyframe_policy_.IsDue(observation)) return;
+  if (result->on_shared_map) {
+    result->would_be_keyframe = true;
+  } else {
+    if (mapper_.num_waiting() >= kMaxWaitingKeyframes) return;
+    InsertKeyframe();
+    result->is_keyframe = true;
+  }
+  keyframe_policy_.OnKeyframe(observation);
+}
+
+KeyframePolicy::Observation TrackingSession::Observe(const TrackedFrame& tracked, bool on_shared_map) const {
+  KeyframePolicy::Observation observation;
+  for (size_t feature = 0; feature < tracked.points.size(); ++feature) {
+    const bool matched = tracked.points[feature] != kNone;
+    if (matched) ++observation.num_matches;
+    // A server's map holds fewer of a frame's close points than the device's own map does right after a keyframe: to
+    // weigh them there would call for one at every other frame.
+    if (on_shared_map || !HasUsableDepth(*tracked.frame, feature, camera_)) continue;
+    ++(matched ? observation.num_close_matched : observation.num_close_unmatched);
+  }
+  return observation;
+}
+
+void TrackingSession::InsertKeyframe() {
+  const TrackedFrame& last = *front_end_.last();
+  const Frame& frame = *last.frame;
+  const int generation = shared_localizer_.generation();
+  int keyframe_idx = kNone;
+  std::vector<int> points;
+  {
+    MutexLock lock(shared_.mutex);
+    SessionMap& map = shared_.map;
+    keyframe_idx = map.AddKeyframe(last.frame, last.T_session_camera, last.points, generation);
+    for (size_t feature = 0; feature < frame.size(); ++feature) {
+      if (map.keyframe(keyframe_idx).points[feature] != kNone || !HasUsableDepth(frame, feature, camera_)) continue;
+      const Eigen::Vector3d p_camera =
+          static_cast<double>(frame.depths_m[feature]) * camera_.pinhole.Unproject(frame.pixels[feature]);
+      map.AddPoint(last.T_session_camera * p_camera, keyframe_idx, static_cast<int>(feature));
+    }
+    points = map.keyframe(keyframe_idx).points;
+  }
+  front_end_.SetLastKeyframe(keyframe_idx, std::move(points));
+  relocalizer_.AddKeyframe(keyframe_idx, generation, frame);
+  mapper_.ProcessKeyframe(keyframe_idx);
+}
+
+void TrackingSession::RetireGeneration(int generation) {
+  relocalizer_.RetireGeneration(generation);
+  mapper_.RetireGeneration(generation);
+}
+
+std::optional<Keyframe> TrackingSession::MakeKeyframeOfLastFrame() {
+  if (state_ != TrackingState::kTracking) return std::nullopt;
+  const TrackedFrame& last = *front_end_.last();
+  MutexLock lock(shared_.mutex);
+  return ExportFrame(shared_.map, camera_, *last.frame, last.T_session_camera, last.points);
+}
+
+}  // namespace mapp::tracker
