@@ -1,13 +1,14 @@
 #pragma once
 
-#include <memory>
-#include <span>
-#include <vector>
-
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/feature/feature.h"
+#include "mapp/geometry/pose3.h"
 #include "mapp/image/image.h"
+
+#include <memory>
+#include <span>
+#include <vector>
 
 namespace mapp {
 
@@ -15,7 +16,8 @@ namespace mapp {
 class StereoRectifier {
  public:
   /// `T_left_right`: pose of the right camera in the left camera's frame.
-  /// INVALID_ARGUMENT for differing image sizes or a baseline below 1 mm.
+  /// INVALID_ARGUMENT for a bad camera, differing image sizes, a baseline below 1 mm, or a second camera that does not
+  /// lie to the right of the first.
   static StatusOr<std::unique_ptr<StereoRectifier>> Create(const Camera& left, const Camera& right,
                                                            const Pose3& T_left_right);
   ~StereoRectifier();
@@ -23,6 +25,7 @@ class StereoRectifier {
   const Camera& rectified() const;
   /// T_left_rectified: pose of the rectified camera in the left camera's frame (a pure rotation).
   const Pose3& T_left_rectified() const;
+  /// An output is empty when its input is not of the calibrated size.
   void Rectify(ImageView<uint8_t> left, ImageView<uint8_t> right, GrayImage* rectified_left,
                GrayImage* rectified_right) const;
 
