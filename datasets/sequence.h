@@ -1,15 +1,15 @@
 #pragma once
 
+#include "mapp/base/status.h"
+#include "mapp/camera/camera_model.h"
+#include "mapp/geometry/pose3.h"
+#include "mapp/image/image.h"
+
 #include <cstdint>
 #include <memory>
 #include <optional>
 #include <string>
 #include <vector>
-
-#include "mapp/base/status.h"
-#include "mapp/camera/camera_model.h"
-#include "mapp/geometry/pose3.h"
-#include "mapp/image/image.h"
 
 namespace mapp {
 
@@ -31,7 +31,7 @@ class Sequence {
   virtual ~Sequence() = default;
   virtual const std::string& name() const = 0;  ///< the folder's
   virtual SensorKind sensor() const = 0;
-  virtual const Camera& camera() const = 0;     ///< left or colour camera, as recorded
+  virtual const Camera& camera() const = 0;  ///< left or colour camera, as recorded
   /// Stereo: the right camera and its pose in the left camera's frame.
   virtual const std::optional<Camera>& right_camera() const = 0;
   virtual const Pose3& T_left_right() const = 0;

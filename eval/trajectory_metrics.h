@@ -1,9 +1,9 @@
 #pragma once
 
-#include <vector>
-
 #include "datasets/sequence.h"
 #include "mapp/base/status.h"
+
+#include <vector>
 
 namespace mapp {
 
