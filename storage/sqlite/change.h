@@ -1,0 +1,63 @@
+#pragma once
+
+#include "storage/sqlite/map_reads.h"
+
+#include <optional>
+#include <span>
+#include <string>
+#include <vector>
+
+namespace mapp::sqlite {
+
+/// The MapWriter of one change. Finish it, if the change succeeded, before its savepoint is released.
+class Change final : public MapReads<MapWriter> {
+ public:
+  /// `now_ns`: Unix time for what the store dates itself.
+  Change(Connection& db, int64_t now_ns) : MapReads<MapWriter>(db), ledger_(db, now_ns) {}
+
+  Status Finish() { return ledger_.Finish(); }
+
+  // Reads of what the ledger keeps back until asked.
+  StatusOr<std::vector<MapRecord>> ListMaps() override;
+  StatusOr<MapRecord> FindMap(const std::string& name) override;
+  StatusOr<MapRecord> GetMap(MapId map) override;
+  StatusOr<std::vector<TileRecord>> ListTiles(MapId map, const std::optional<Aabb>& box_map) override;
+
+  StatusOr<MapId> CreateMap(const MapRecord& map) override { return sqlite::CreateMap(db_, ledger_, map); }
+  Status DeleteMap(MapId map) override { return sqlite::DeleteMap(db_, ledger_, map); }
+  Status SetFounder(MapId map, SessionId founder) override { return sqlite::SetFounder(db_, map, founder); }
+  StatusOr<CameraId> InsertCamera(const Camera& camera) override { return sqlite::InsertCamera(db_, camera); }
+  StatusOr<SessionId> InsertSession(const SessionRecord& session) override {
+    return sqlite::InsertSession(db_, ledger_, session);
+  }
+  Status UpdateSession(const SessionRecord& session) override { return sqlite::UpdateSession(db_, session); }
+  StatusOr<Revision> NextRevision(MapId map) override { return ledger_.NextRevision(map); }
+
+  StatusOr<FrameId> InsertFrame(const FrameRecord& frame, const std::string& packet,
+                                std::span<const Observation> observations) override {
+    return sqlite::InsertFrame(db_, ledger_, frame, packet, observations);
+  }
+  Status SetFramePose(FrameId frame, bool in_map, const Pose3& T_frame_camera) override {
+    return sqlite::SetFramePose(db_, ledger_, frame, in_map, T_frame_camera);
+  }
+  Status SetObservations(FrameId frame, std::span<const Observation> observations) override {
+    return sqlite::SetObservations(db_, ledger_, frame, observations);
+  }
+
+  StatusOr<MapPointId> InsertPoint(MapId map, const PointRecord& point) override {
+    return sqlite::InsertPoint(db_, ledger_, map, point);
+  }
+  Status UpdatePoint(const PointRecord& point) override { return sqlite::UpdatePoint(db_, ledger_, point); }
+  Status TouchPoint(const PointRecord& point) override { return sqlite::TouchPoint(db_, ledger_, point); }
+  Status RetirePoint(MapPointId point, std::optional<MapPointId> fused_into) override {
+    return sqlite::RetirePoint(db_, ledger_, point, fused_into);
+  }
+  Status PutTileBlob(MapId map, const TileKey& tile, const TileBlob& blob) override {
+    return sqlite::PutTileBlob(db_, ledger_, map, tile, blob);
+  }
+
+ private:
+  ChangeLedger ledger_;
+};
+
+}  // namespace mapp::sqlite

@@ -1,0 +1,166 @@
+#include "storage/sqlite/change_ledger.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace mapp::sqlite {
+namespace {
+
+/// Tile indices lie in [-kTileIndexLimit, kTileIndexLimit): what TileKey::Packed can hold.
+constexpr double kTileIndexLimit = 1 << 20;
+
+}  // namespace
+
+StatusOr<ChangeLedger::MapEntry*> ChangeLedger::Entry(MapId map) {
+  if (const auto found = maps_.find(map); found != maps_.end()) return &found->second;
+  Statement query = db_.Prepare("SELECT revision, tile_edge_m FROM maps WHERE map_id = ?");
+  MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(map).Step());
+  if (!has_row) return absl::NotFoundError(fmt::format("map {} does not exist", map.value()));
+  MapEntry& entry = maps_[map];
+  entry.base = query.GetId<Revision>(0);
+  entry.tile_edge_m = query.Double(1);
+  return &entry;
+}
+
+StatusOr<Revision> ChangeLedger::NextRevision(MapId map) {
+  MAPP_ASSIGN_OR_RETURN(MapEntry * entry, Entry(map));
+  entry->next_taken = true;
+  return Revision(entry->base.value() + 1);
+}
+
+StatusOr<MapId> ChangeLedger::MapOfSession(SessionId session) {
+  if (const auto found = sessions_.find(session); found != sessions_.end()) return found->second;
+  Statement query = db_.Prepare("SELECT map_id FROM sessions WHERE session_id = ?");
+  MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(session).Step());
+  if (!has_row) return absl::NotFoundError(fmt::format("session {} does not exist", session.value()));
+  return sessions_[session] = query.GetId<MapId>(0);
+}
+
+StatusOr<MapPointId> ChangeLedger::NewPointId() {
+  if (!next_point_id_) {
+    MAPP_ASSIGN_OR_RETURN(next_point_id_, db_.QueryInt64("SELECT next_id FROM id_sequences WHERE name = 'point'"));
+  }
+  point_ids_used_ = true;
+  return MapPointId(static_cast<uint64_t>((*next_point_id_)++));
+}
+
+Status ChangeLedger::AddFrames(MapId map, int64_t count) {
+  MAPP_ASSIGN_OR_RETURN(MapEntry * entry, Entry(map));
+  entry->frames += count;
+  return absl::OkStatus();
+}
+
+Status ChangeLedger::AddSessions(MapId map, int64_t count) {
+  MAPP_ASSIGN_OR_RETURN(MapEntry * entry, Entry(map));
+  entry->sessions += count;
+  return absl::OkStatus();
+}
+
+Status ChangeLedger::AttributeTo(MapId map, SessionId session) {
+  MAPP_ASSIGN_OR_RETURN(MapEntry * entry, Entry(map));
+  entry->session = session;
+  return absl::OkStatus();
+}
+
+StatusOr<int64_t> ChangeLedger::TileAt(MapId map, const Eigen::Vector3d& p_map) {
+  MAPP_ASSIGN_OR_RETURN(const MapEntry* entry, Entry(map));
+  // Written so that a NaN fails it, too.
+  if (!(p_map.cwiseAbs().maxCoeff() / entry->tile_edge_m < kTileIndexLimit)) {
+    return absl::InvalidArgumentError(
+        fmt::format("point.position: ({}, {}, {}) m is outside of the map's tiling", p_map.x(), p_map.y(), p_map.z()));
+  }
+  return TileOf(map, TileGrid{entry->tile_edge_m}.KeyOf(p_map));
+}
+
+StatusOr<int64_t> ChangeLedger::TileOf(MapId map, const TileKey& key) {
+  const std::pair<MapId, TileKey> known(map, key);
+  if (const auto found = tile_ids_.find(known); found != tile_ids_.end()) return found->second;
+  Statement query = db_.Prepare("SELECT tile_id FROM tiles WHERE map_id = ? AND tile_key = ?");
+  MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(map, key.Packed()).Step());
+  int64_t tile_id = 0;
+  if (has_row) {
+    tile_id = query.Int64(0);
+  } else {
+    MAPP_ASSIGN_OR_RETURN(const MapEntry* entry, Entry(map));
+    MAPP_ASSIGN_OR_RETURN(tile_id, InsertTile(map, key, entry->tile_edge_m));
+  }
+  return tile_ids_[known] = tile_id;
+}
+
+StatusOr<int64_t> ChangeLedger::InsertTile(MapId map, const TileKey& key, double tile_edge_m) {
+  MAPP_RETURN_IF_ERROR(db_.Prepare("INSERT INTO tiles (map_id, tile_key, revision, num_points) VALUES (?, ?, 0, 0)")
+                           .Bind(map, key.Packed())
+                           .Run());
+  const int64_t tile_id = db_.last_insert_id();
+  const Aabb box = TileGrid{tile_edge_m}.BoxOf(key);
+  MAPP_RETURN_IF_ERROR(db_.Prepare("INSERT INTO tile_index VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?)")
+                           .Bind(tile_id, map, map, box.min().x(), box.max().x(), box.min().y(), box.max().y(),
+                                 box.min().z(), box.max().z())
+                           .Run());
+  return tile_id;
+}
+
+Status ChangeLedger::ChangeTile(MapId map, int64_t tile_id, int64_t num_points) {
+  MAPP_RETURN_IF_ERROR(NextRevision(map).status());
+  TileEntry& tile = tiles_[tile_id];
+  tile.map = map;
+  tile.changed = true;
+  tile.points += num_points;
+  maps_[map].points += num_points;
+  return absl::OkStatus();
+}
+
+void ChangeLedger::Forget(MapId map) {
+  maps_.erase(map);
+  std::erase_if(sessions_, [map](const auto& entry) { return entry.second == map; });
+  std::erase_if(tile_ids_, [map](const auto& entry) { return entry.first.first == map; });
+  std::erase_if(tiles_, [map](const auto& entry) { return entry.second.map == map; });
+}
+
+Status ChangeLedger::FlushTiles() {
+  for (auto& [tile_id, tile] : tiles_) {
+    if (!tile.changed) continue;
+    MAPP_ASSIGN_OR_RETURN(const Revision revision, NextRevision(tile.map));
+    MAPP_RETURN_IF_ERROR(db_.Prepare("UPDATE tiles SET revision = ?, num_points = num_points + ? WHERE tile_id = ?")
+                             .Bind(revision, std::exchange(tile.points, 0), tile_id)
+                             .Run());
+    tile.changed = false;
+  }
+  return absl::OkStatus();
+}
+
+Status ChangeLedger::FlushMaps() {
+  for (auto& [map, entry] : maps_) {
+    const uint64_t revision = entry.base.value() + (entry.next_taken ? 1 : 0);
+    MAPP_RETURN_IF_ERROR(
+        db_.Prepare("UPDATE maps SET revision = ?, num_frames = num_frames + ?, num_points = num_points + ?, "
+                    "num_sessions = num_sessions + ? WHERE map_id = ?")
+            .Bind(revision, std::exchange(entry.frames, 0), std::exchange(entry.points, 0),
+                  std::exchange(entry.sessions, 0), map)
+            .Run());
+  }
+  return absl::OkStatus();
+}
+
+Status ChangeLedger::Flush() {
+  MAPP_RETURN_IF_ERROR(FlushTiles());
+  MAPP_RETURN_IF_ERROR(FlushMaps());
+  if (!std::exchange(point_ids_used_, false)) return absl::OkStatus();
+  return db_.Prepare("UPDATE id_sequences SET next_id = ? WHERE name = 'point'").Bind(*next_point_id_).Run();
+}
+
+Status ChangeLedger::Finish() {
+  MAPP_RETURN_IF_ERROR(Flush());
+  for (const auto& [map, entry] : maps_) {
+    if (!entry.next_taken) continue;
+    MAPP_RETURN_IF_ERROR(
+        db_.Prepare("INSERT INTO revisions (map_id, revision, committed_ns, session_id) VALUES (?, ?, ?, ?)")
+            .Bind(map, entry.base.value() + 1, now_ns_, entry.session)
+            .Run());
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace mapp::sqlite

@@ -1,0 +1,98 @@
+#include "storage/sqlite/database_file.h"
+
+#include "storage/sqlite/migrator.h"
+
+#include <fmt/format.h>
+
+#include <cerrno>
+#include <cstring>
+#include <filesystem>
+#include <system_error>
+#include <unistd.h>
+
+namespace mapp::sqlite {
+namespace {
+
+namespace fs = std::filesystem;
+
+/// The write-ahead log is cut back to this size after a checkpoint, should a long reader have let it grow.
+constexpr int64_t kJournalSizeLimitBytes = 64 << 20;
+
+Status SetCommonPragmas(Connection& db, int cache_kb) {
+  // A negative cache size is in KiB. secure_delete is on by default in Debian's build and would write every freed page.
+  return db.Execute(fmt::format(
+      "PRAGMA cache_size = -{}; PRAGMA secure_delete = OFF; PRAGMA temp_store = MEMORY; PRAGMA cell_size_check = ON;",
+      cache_kb));
+}
+
+/// Settings that only count while the file is still empty.
+Status SetCreationPragmas(Connection& db, const SqliteOptions& options) {
+  return db.Execute(fmt::format("PRAGMA page_size = {}; PRAGMA auto_vacuum = INCREMENTAL;", options.page_size_bytes));
+}
+
+Status SetWriterPragmas(Connection& db, const SqliteOptions& options) {
+  MAPP_RETURN_IF_ERROR(db.Execute(fmt::format(
+      "PRAGMA journal_mode = WAL; PRAGMA synchronous = {}; PRAGMA foreign_keys = ON; PRAGMA journal_size_limit = {};",
+      options.sync_commits ? "FULL" : "NORMAL", kJournalSizeLimitBytes)));
+  if (options.max_pages > 0) {
+    MAPP_RETURN_IF_ERROR(db.Execute(fmt::format("PRAGMA max_page_count = {};", options.max_pages)));
+  }
+  return absl::OkStatus();
+}
+
+Status CheckAccess(const std::string& file, int mode) {
+  if (access(file.c_str(), mode) == 0 || errno == ENOENT) return absl::OkStatus();
+  return absl::FailedPreconditionError(std::strerror(errno));
+}
+
+}  // namespace
+
+StatusOr<std::string> ResolveFile(const std::string& file, bool must_exist) {
+  std::error_code error;
+  const fs::path path = fs::weakly_canonical(fs::absolute(file, error), error);
+  if (error) return absl::FailedPreconditionError(error.message());
+  const fs::file_status status = fs::status(path, error);
+  if (fs::exists(status)) {
+    if (!fs::is_regular_file(status)) return absl::FailedPreconditionError("not a regular file");
+    return path.string();
+  }
+  if (must_exist) return absl::NotFoundError("no such file");
+  if (!fs::is_directory(path.parent_path(), error)) {
+    return absl::NotFoundError(fmt::format("folder {} does not exist", path.parent_path().string()));
+  }
+  return path.string();
+}
+
+StatusOr<std::unique_ptr<Connection>> OpenForWriting(const std::string& file, const SqliteOptions& options) {
+  MAPP_RETURN_IF_ERROR(CheckAccess(file, R_OK | W_OK));
+  MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> db,
+                        Connection::Open(file, Connection::Mode::kCreate, options.busy_timeout));
+  MAPP_RETURN_IF_ERROR(SetCommonPragmas(*db, options.writer_cache_kb));
+  // Before anything is written, so that a file that is not ours stays untouched.
+  MAPP_ASSIGN_OR_RETURN(const int version, ReadSchemaVersion(*db, EmbeddedMigrations()));
+  if (version == 0) MAPP_RETURN_IF_ERROR(SetCreationPragmas(*db, options));
+  MAPP_RETURN_IF_ERROR(SetWriterPragmas(*db, options));
+  MAPP_RETURN_IF_ERROR(Migrate(*db, file, EmbeddedMigrations(),
+                               {.backup = options.backup_before_migration, .now_ns = options.unix_now_ns()}));
+  return db;
+}
+
+StatusOr<std::unique_ptr<Connection>> OpenForReading(const std::string& file, const SqliteOptions& options) {
+  MAPP_RETURN_IF_ERROR(CheckAccess(file, R_OK));
+  MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> db,
+                        Connection::Open(file, Connection::Mode::kReadOnly, options.busy_timeout));
+  MAPP_RETURN_IF_ERROR(SetCommonPragmas(*db, options.reader_cache_kb));
+  return db;
+}
+
+Status CheckSchemaIsCurrent(Connection& db) {
+  MAPP_ASSIGN_OR_RETURN(const int version, ReadSchemaVersion(db, EmbeddedMigrations()));
+  const int current = static_cast<int>(EmbeddedMigrations().size());
+  if (version == current) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      version == 0 ? std::string("not a map database: it is empty")
+                   : fmt::format("database schema {} is older than this program's {}: start a server on it once",
+                                 version, current));
+}
+
+}  // namespace mapp::sqlite

@@ -1,0 +1,213 @@
+#include "storage/sqlite/points.h"
+
+#include "storage/sqlite/blobs.h"
+#include "storage/sqlite/rows.h"
+
+#include <fmt/format.h>
+
+#include <cmath>
+
+namespace mapp::sqlite {
+namespace {
+
+Status NoSuchPoint(MapPointId point) {
+  return absl::NotFoundError(fmt::format("point {} does not exist or is retired", point.value()));
+}
+
+/// Where a live point stands before it is changed.
+struct Standing {
+  MapId map;
+  std::optional<int64_t> tile_id;
+  Revision created;
+};
+
+StatusOr<Standing> GetStanding(Connection& db, ChangeLedger& ledger, MapPointId point) {
+  Statement query = db.Prepare("SELECT session_id, tile_id, created_revision FROM points WHERE point_id = ?");
+  MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(point).Step());
+  if (!has_row) return NoSuchPoint(point);
+  Standing standing;
+  standing.created = query.GetId<Revision>(2);
+  if (!query.IsNull(1)) standing.tile_id = query.Int64(1);
+  MAPP_ASSIGN_OR_RETURN(standing.map, ledger.MapOfSession(query.GetId<SessionId>(0)));
+  return standing;
+}
+
+/// What SQLite would store as NULL.
+Status CheckFinite(const PointRecord& point) {
+  if (!point.position.allFinite()) return absl::InvalidArgumentError("point.position: must be finite");
+  if (!std::isfinite(point.confidence)) return absl::InvalidArgumentError("point.confidence: must be finite");
+  if (!std::isfinite(point.reference_distance_m)) {
+    return absl::InvalidArgumentError("point.reference_distance_m: must be finite");
+  }
+  return absl::OkStatus();
+}
+
+StatusOr<std::optional<int64_t>> TileFor(ChangeLedger& ledger, MapId map, const PointRecord& point) {
+  if (!point.in_map) return std::nullopt;
+  return ledger.TileAt(map, point.position);
+}
+
+/// Copies the live version to the history, ended at `revision`.
+Status Archive(Connection& db, MapPointId point, Revision revision, std::optional<MapPointId> fused_into) {
+  return db
+      .Prepare(
+          "INSERT INTO point_history (point_id, created_revision, retired_revision, fused_into, session_id, "
+          "session_point, tile_id, x_m, y_m, z_m, view_direction, descriptor, reference_distance_m, num_observations, "
+          "confidence, observers) SELECT point_id, created_revision, ?, ?, session_id, session_point, tile_id, x_m, "
+          "y_m, z_m, view_direction, descriptor, reference_distance_m, num_observations, confidence, observers "
+          "FROM points WHERE point_id = ?")
+      .Bind(revision, fused_into, point)
+      .Run();
+}
+
+/// The live point that `retired` stands for now.
+StatusOr<std::optional<MapPointId>> FollowFusion(Connection& db, MapPointId retired) {
+  MapPointId point = retired;
+  for (;;) {
+    // A point fuses into one that lives, so a chain never meets itself.
+    Statement query = db.Prepare(
+        "SELECT h.fused_into, p.point_id IS NOT NULL FROM point_history h LEFT JOIN points p "
+        "ON p.point_id = h.fused_into WHERE h.point_id = ? ORDER BY h.created_revision DESC LIMIT 1");
+    MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(point).Step());
+    if (!has_row || query.IsNull(0)) return std::nullopt;
+    point = query.GetId<MapPointId>(0);
+    if (query.Int64(1) != 0) return point;
+  }
+}
+
+StatusOr<std::vector<PointRecord>> ReadPoints(Connection& db, std::span<const MapPointId> points, bool skip_missing) {
+  std::vector<PointRecord> records;
+  records.reserve(points.size());
+  Statement query = db.Prepare("SELECT " MAPP_POINT_COLUMNS " FROM points p WHERE p.point_id = ?");
+  for (const MapPointId point : points) {
+    MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Reset().Bind(point).Step());
+    if (has_row) {
+      MAPP_ASSIGN_OR_RETURN(PointRecord record, ReadPoint(query));
+      records.push_back(std::move(record));
+    } else if (!skip_missing) {
+      return NoSuchPoint(point);
+    }
+  }
+  return records;
+}
+
+}  // namespace
+
+StatusOr<std::vector<PointRecord>> GetPoints(Connection& db, std::span<const MapPointId> points) {
+  return ReadPoints(db, points, /*skip_missing=*/false);
+}
+
+StatusOr<std::vector<PointRecord>> FindPoints(Connection& db, std::span<const MapPointId> points) {
+  return ReadPoints(db, points, /*skip_missing=*/true);
+}
+
+StatusOr<std::vector<std::optional<MapPointId>>> FindSessionPoints(Connection& db, SessionId session,
+                                                                   std::span<const uint64_t> session_points) {
+  std::vector<std::optional<MapPointId>> found;
+  found.reserve(session_points.size());
+  Statement query = db.Prepare(
+      "SELECT s.point_id, p.point_id IS NOT NULL FROM session_points s LEFT JOIN points p ON p.point_id = s.point_id "
+      "WHERE s.session_id = ? AND s.session_point = ? ORDER BY s.point_id DESC LIMIT 1");
+  for (const uint64_t session_point : session_points) {
+    MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Reset().Bind(session, session_point).Step());
+    if (!has_row) {
+      found.push_back(std::nullopt);
+    } else if (const auto point = query.GetId<MapPointId>(0); query.Int64(1) != 0) {
+      found.push_back(point);
+    } else {
+      MAPP_ASSIGN_OR_RETURN(const std::optional<MapPointId> successor, FollowFusion(db, point));
+      found.push_back(successor);
+    }
+  }
+  return found;
+}
+
+StatusOr<std::vector<PointRecord>> PointsInTile(Connection& db, MapId map, const TileKey& tile) {
+  Statement query =
+      db.Prepare("SELECT " MAPP_POINT_COLUMNS
+                 " FROM points p WHERE p.tile_id = (SELECT tile_id FROM tiles WHERE map_id = ? AND tile_key = ?)");
+  query.Bind(map, tile.Packed());
+  return ReadAll(query, ReadPoint);
+}
+
+StatusOr<std::vector<PointRecord>> PointsOfSession(Connection& db, SessionId session) {
+  Statement query =
+      db.Prepare("SELECT " MAPP_POINT_COLUMNS
+                 " FROM session_points s JOIN points p ON p.point_id = s.point_id WHERE s.session_id = ?");
+  query.Bind(session);
+  return ReadAll(query, ReadPoint);
+}
+
+StatusOr<MapPointId> InsertPoint(Connection& db, ChangeLedger& ledger, MapId map, const PointRecord& point) {
+  MAPP_RETURN_IF_ERROR(CheckFinite(point));
+  MAPP_ASSIGN_OR_RETURN(const MapId map_of_session, ledger.MapOfSession(point.session));
+  if (map != map_of_session) {
+    return absl::InvalidArgumentError(fmt::format("point.session: session {} belongs to map {}, got {}",
+                                                  point.session.value(), map_of_session.value(), map.value()));
+  }
+  MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(map));
+  MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> tile_id, TileFor(ledger, map, point));
+  MAPP_ASSIGN_OR_RETURN(const MapPointId id, ledger.NewPointId());
+  const std::string observers = EncodeObservers(point.observers);
+  MAPP_RETURN_IF_ERROR(
+      db.Prepare("INSERT INTO points (point_id, session_id, session_point, tile_id, created_revision, x_m, y_m, z_m, "
+                 "view_direction, descriptor, reference_distance_m, num_observations, confidence, observers) "
+                 "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
+          .Bind(id, point.session, point.session_point, tile_id, revision, point.position.x(), point.position.y(),
+                point.position.z(), Blob{DirectionBytes(point.view_direction)}, Blob{point.descriptor.Bytes()},
+                point.reference_distance_m, point.num_observations, point.confidence, Blob{observers})
+          .Run());
+  MAPP_RETURN_IF_ERROR(db.Prepare("INSERT INTO session_points (session_id, session_point, point_id) VALUES (?, ?, ?)")
+                           .Bind(point.session, point.session_point, id)
+                           .Run());
+  if (tile_id) MAPP_RETURN_IF_ERROR(ledger.ChangeTile(map, *tile_id, 1));
+  return id;
+}
+
+Status UpdatePoint(Connection& db, ChangeLedger& ledger, const PointRecord& point) {
+  MAPP_RETURN_IF_ERROR(CheckFinite(point));
+  MAPP_ASSIGN_OR_RETURN(const Standing old, GetStanding(db, ledger, point.id));
+  MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(old.map));
+  MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> tile_id, TileFor(ledger, old.map, point));
+  // A version that begins and ends in one revision could never be read: it leaves no history.
+  if (old.created != revision) MAPP_RETURN_IF_ERROR(Archive(db, point.id, revision, std::nullopt));
+  MAPP_RETURN_IF_ERROR(db.Prepare("UPDATE points SET created_revision = ?, tile_id = ?, x_m = ?, y_m = ?, z_m = ?, "
+                                  "view_direction = ?, descriptor = ? WHERE point_id = ?")
+                           .Bind(revision, tile_id, point.position.x(), point.position.y(), point.position.z(),
+                                 Blob{DirectionBytes(point.view_direction)}, Blob{point.descriptor.Bytes()}, point.id)
+                           .Run());
+  if (old.tile_id) MAPP_RETURN_IF_ERROR(ledger.ChangeTile(old.map, *old.tile_id, -1));
+  if (tile_id) MAPP_RETURN_IF_ERROR(ledger.ChangeTile(old.map, *tile_id, 1));
+  return absl::OkStatus();
+}
+
+Status TouchPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point) {
+  MAPP_RETURN_IF_ERROR(CheckFinite(point));
+  const std::string observers = EncodeObservers(point.observers);
+  Statement update = db.Prepare(
+      "UPDATE points SET view_direction = ?, descriptor = ?, reference_distance_m = ?, num_observations = ?, "
+      "confidence = ?, observers = ? WHERE point_id = ? RETURNING session_id, tile_id");
+  update.Bind(Blob{DirectionBytes(point.view_direction)}, Blob{point.descriptor.Bytes()}, point.reference_distance_m,
+              point.num_observations, point.confidence, Blob{observers}, point.id);
+  MAPP_ASSIGN_OR_RETURN(const bool has_row, update.Step());
+  if (!has_row) return NoSuchPoint(point.id);
+  if (update.IsNull(1)) return absl::OkStatus();
+  MAPP_ASSIGN_OR_RETURN(const MapId map, ledger.MapOfSession(update.GetId<SessionId>(0)));
+  return ledger.ChangeTile(map, update.Int64(1), 0);
+}
+
+Status RetirePoint(Connection& db, ChangeLedger& ledger, MapPointId point, std::optional<MapPointId> fused_into) {
+  MAPP_ASSIGN_OR_RETURN(const Standing old, GetStanding(db, ledger, point));
+  if (fused_into) {
+    if (*fused_into == point) return absl::InvalidArgumentError("fused_into: a point cannot fuse into itself");
+    MAPP_ASSIGN_OR_RETURN(const Standing successor, GetStanding(db, ledger, *fused_into));
+    if (successor.map != old.map) return absl::InvalidArgumentError("fused_into: a point of another map");
+  }
+  MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(old.map));
+  MAPP_RETURN_IF_ERROR(Archive(db, point, revision, fused_into));
+  MAPP_RETURN_IF_ERROR(db.Prepare("DELETE FROM points WHERE point_id = ?").Bind(point).Run());
+  if (old.tile_id) MAPP_RETURN_IF_ERROR(ledger.ChangeTile(old.map, *old.tile_id, -1));
+  return absl::OkStatus();
+}
+
+}  // namespace mapp::sqlite
