@@ -3,7 +3,7 @@
 #include <flann/flann.hpp>
 #include <fmt/format.h>
 
-#include <limits>
+#include <algorithm>
 #include <utility>
 
 namespace mapp {
@@ -71,6 +71,15 @@ bool PointTree::Search(const Eigen::Vector3f& p, float radius, AcceptFunction ac
   FirstAccepted result(radius * radius, accept, context);
   impl_->index->findNeighbors(result, p.data(), flann::SearchParams());
   return result.found();
+}
+
+std::vector<size_t> PointTree::Nearest(const Eigen::Vector3f& p, size_t count) const {
+  flann::KNNSimpleResultSet<float> result(std::min(count, impl_->points.size()));
+  impl_->index->findNeighbors(result, p.data(), flann::SearchParams());
+  std::vector<size_t> indices(result.size());
+  std::vector<float> squared_distances(result.size());
+  result.copy(indices.data(), squared_distances.data(), result.size());
+  return indices;
 }
 
 size_t PointTree::bytes() const {

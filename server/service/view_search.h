@@ -5,6 +5,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <numbers>
 #include <vector>
 
 namespace mapp {
@@ -41,6 +42,6 @@ class ViewSearch {
 float BoundingRadius(const Eigen::Vector3f& p_camera, float radius);
 
 /// Greatest angle between the ray of a view and a frame's ray to the same point at which they see it alike, radians.
-inline constexpr double kLikeViewAngle = 50.0 * 3.14159265358979323846 / 180.0;
+inline constexpr double kLikeViewAngle = 50.0 * std::numbers::pi / 180.0;
 
 }  // namespace mapp

@@ -1,0 +1,163 @@
+#include "server/service/integrator.h"
+
+#include "mapp/codec/keyframe_codec.h"
+#include "server/service/keyframe_writer.h"
+#include "server/service/registrar.h"
+#include "server/service/session_events.h"
+#include "server/service/session_view.h"
+#include "server/service/tile_cache.h"
+#include "storage/map_store.h"
+
+#include <fmt/format.h>
+
+#include <optional>
+#include <unordered_set>
+#include <utility>
+
+namespace mapp {
+
+/// A keyframe as it arrived, and its session before the transaction.
+struct Integrator::Upload {
+  const std::string& packet;
+  Keyframe keyframe;
+  SessionView view;
+  /// By feature: the point that the session's own number for it stands for already.
+  std::vector<std::optional<MapPointId>> known_points;
+  std::vector<Association> associations;
+};
+
+struct Integrator::Outcome {
+  UploadResult result;
+  bool in_map = false;
+  std::vector<TileChange> changes;
+};
+
+namespace {
+
+bool IsMetric(SensorKind sensor) { return sensor == SensorKind::kStereo || sensor == SensorKind::kRgbd; }
+
+StatusOr<UploadResult> StoredBefore(MapReader& reader, const SessionRecord& session, FrameId frame) {
+  MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader.GetMap(session.map));
+  return UploadResult{frame, true, map.revision, session.T_map_session};
+}
+
+/// The session's first keyframe makes its frame the map's, if nobody's has and its scale is metric.
+Status FoundMapIfFirst(MapWriter& writer, const Keyframe& keyframe, SessionRecord& session) {
+  if (session.T_map_session || !IsMetric(session.sensor)) return absl::OkStatus();
+  MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(session.map));
+  if (map.founder) return absl::OkStatus();
+  MAPP_RETURN_IF_ERROR(writer.SetFounder(map.id, session.id));
+  session.T_map_session = Pose3();
+  session.aligned_at_keyframe = keyframe.number;
+  return writer.UpdateSession(session);
+}
+
+/// T_map_camera for an aligned session, T_session_camera for a fragment's.
+StatusOr<Pose3> PoseToStore(const SessionRecord& session, const Keyframe& keyframe) {
+  if (session.T_map_session || keyframe.pose_frame == PoseFrame::kMap) {
+    return PoseInMap(session, keyframe.pose_frame, keyframe.T_frame_camera, "keyframe.pose");
+  }
+  return keyframe.T_frame_camera;
+}
+
+std::vector<std::optional<MapPointId>> ByFeature(const Keyframe& keyframe, const std::vector<size_t>& feature_idxs,
+                                                 const std::vector<std::optional<MapPointId>>& found) {
+  std::vector<std::optional<MapPointId>> points(keyframe.features.size());
+  for (size_t i = 0; i < feature_idxs.size(); ++i) points[feature_idxs[i]] = found[i];
+  return points;
+}
+
+StatusOr<std::vector<std::optional<MapPointId>>> FindKnownPoints(MapReader& reader, const Keyframe& keyframe) {
+  std::vector<uint64_t> numbers;
+  std::vector<size_t> feature_idxs;
+  for (size_t i = 0; i < keyframe.features.size(); ++i) {
+    const std::optional<PointReference>& reference = keyframe.features[i].point;
+    if (!reference || reference->kind != PointReference::Kind::kSessionPoint) continue;
+    numbers.push_back(reference->id);
+    feature_idxs.push_back(i);
+  }
+  MAPP_ASSIGN_OR_RETURN(const auto found, reader.FindSessionPoints(keyframe.session, numbers));
+  return ByFeature(keyframe, feature_idxs, found);
+}
+
+}  // namespace
+
+Integrator::Integrator(MapStore& store, TileCache& tiles, SessionEvents& events, Registrar& registrar,
+                       const IntegratorOptions& options)
+    : store_(store), tiles_(tiles), events_(events), registrar_(registrar), options_(options) {}
+
+StatusOr<UploadResult> Integrator::Integrate(const CallContext& context, const std::string& packet) {
+  if (packet.size() > options_.max_packet_bytes) {
+    return absl::InvalidArgumentError(
+        fmt::format("keyframe: at most {} bytes, got {}", options_.max_packet_bytes, packet.size()));
+  }
+  Upload upload{packet, {}, {}, {}, {}};
+  MAPP_ASSIGN_OR_RETURN(upload.keyframe, DecodeKeyframe(packet));
+  {
+    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store_.Read());
+    MAPP_ASSIGN_OR_RETURN(upload.view, LoadSession(*reader, upload.keyframe.session));
+    MAPP_RETURN_IF_ERROR(Validate(upload.keyframe, upload.view.camera));
+    MAPP_ASSIGN_OR_RETURN(const auto stored, reader->FindFrame(upload.keyframe.session, upload.keyframe.number));
+    if (stored) return StoredBefore(*reader, upload.view.session, *stored);
+    MAPP_RETURN_IF_ERROR(CheckOpen(upload.view.session));
+    MAPP_ASSIGN_OR_RETURN(upload.known_points, FindKnownPoints(*reader, upload.keyframe));
+  }
+  if (upload.view.session.T_map_session) {
+    MAPP_ASSIGN_OR_RETURN(upload.associations, Associate(upload));
+  }
+  Outcome outcome;
+  MAPP_RETURN_IF_ERROR(store_.Write(
+      context, [&](MapWriter& writer) { return Store(writer, upload, outcome); }, [&] { Announce(upload, outcome); }));
+  return outcome.result;
+}
+
+StatusOr<std::vector<Association>> Integrator::Associate(const Upload& upload) const {
+  MAPP_ASSIGN_OR_RETURN(const MapView view, ViewInMap(upload.view, upload.keyframe.pose_frame,
+                                                      upload.keyframe.T_frame_camera, "keyframe.pose"));
+  std::vector<size_t> unknown;
+  std::unordered_set<MapPointId> taken;
+  for (size_t i = 0; i < upload.keyframe.features.size(); ++i) {
+    const std::optional<PointReference>& reference = upload.keyframe.features[i].point;
+    if (!reference) continue;
+    if (upload.known_points[i]) taken.insert(*upload.known_points[i]);
+    if (reference->kind == PointReference::Kind::kMapPoint) taken.insert(MapPointId(reference->id));
+    // A map point's id may be out of date; the writer falls back on the association then.
+    if (!upload.known_points[i]) unknown.push_back(i);
+  }
+  MAPP_ASSIGN_OR_RETURN(const auto tiles, tiles_.TilesInBox(view.map, view.Cone().BoundingBox()));
+  return AssociateFeatures(view, upload.keyframe, unknown, tiles, taken, options_.association);
+}
+
+Status Integrator::Store(MapWriter& writer, const Upload& upload, Outcome& outcome) const {
+  // Read again: since the first look, the same keyframe may have been stored, or the session closed or aligned.
+  MAPP_ASSIGN_OR_RETURN(SessionRecord session, writer.GetSession(upload.keyframe.session));
+  MAPP_ASSIGN_OR_RETURN(const auto stored, writer.FindFrame(session.id, upload.keyframe.number));
+  if (stored) {
+    MAPP_ASSIGN_OR_RETURN(outcome.result, StoredBefore(writer, session, *stored));
+    return absl::OkStatus();
+  }
+  MAPP_RETURN_IF_ERROR(CheckOpen(session));
+  MAPP_RETURN_IF_ERROR(FoundMapIfFirst(writer, upload.keyframe, session));
+  MAPP_ASSIGN_OR_RETURN(const Pose3 T_frame_camera, PoseToStore(session, upload.keyframe));
+  outcome.in_map = session.T_map_session.has_value();
+  MAPP_ASSIGN_OR_RETURN(WrittenKeyframe written,
+                        WriteKeyframe(writer, {upload.keyframe, upload.packet, upload.view.camera, session,
+                                               outcome.in_map, T_frame_camera, upload.associations}));
+  outcome.result = {written.frame, false, written.revision, session.T_map_session};
+  outcome.changes = std::move(written.changes);
+  return absl::OkStatus();
+}
+
+void Integrator::Announce(const Upload& upload, const Outcome& outcome) const {
+  if (outcome.result.already_stored) return;
+  const MapId map = upload.view.map.id;
+  if (!outcome.changes.empty()) {
+    tiles_.Apply(map, outcome.result.map_revision, outcome.changes);
+    TilesChanged event{{}, outcome.result.map_revision};
+    for (const TileChange& change : outcome.changes) event.keys.push_back(change.key);
+    events_.PublishToMap(map, event);
+  }
+  registrar_.OnKeyframeStored(map, upload.keyframe.session, outcome.result.frame, outcome.in_map);
+}
+
+}  // namespace mapp

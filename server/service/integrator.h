@@ -1,0 +1,53 @@
+#pragma once
+
+#include "mapp/base/call_context.h"
+#include "mapp/base/status.h"
+#include "server/service/associator.h"
+#include "server/service/service_types.h"
+
+#include <string>
+
+namespace mapp {
+
+class MapStore;
+class MapWriter;
+class Registrar;
+class SessionEvents;
+class TileCache;
+
+struct IntegratorOptions {
+  /// Greatest packet accepted, bytes.
+  size_t max_packet_bytes = size_t{64} << 10;
+  AssociationOptions association;
+};
+
+/// Takes uploaded keyframes into the map (DESIGN 7): everything that one changes is one transaction, and the caches
+/// and listeners follow in commit order. Thread-safe.
+class Integrator {
+ public:
+  Integrator(MapStore& store, TileCache& tiles, SessionEvents& events, Registrar& registrar,
+             const IntegratorOptions& options);
+
+  /// `packet`: codec/keyframe_codec.h. Durable when it returns OK; sent again, it changes nothing. The first keyframe
+  /// of a metric session in a map without a founder founds the frame `map`; keyframes of sessions that are not aligned
+  /// stay in their session's frame as its fragment.
+  /// INVALID_ARGUMENT: malformed. NOT_FOUND: no such session. FAILED_PRECONDITION: the session is closed, or tells a
+  /// pose in the map before it is aligned.
+  StatusOr<UploadResult> Integrate(const CallContext& context, const std::string& packet);
+
+ private:
+  struct Upload;
+  struct Outcome;
+
+  StatusOr<std::vector<Association>> Associate(const Upload& upload) const;
+  Status Store(MapWriter& writer, const Upload& upload, Outcome& outcome) const;
+  void Announce(const Upload& upload, const Outcome& outcome) const;
+
+  MapStore& store_;
+  TileCache& tiles_;
+  SessionEvents& events_;
+  Registrar& registrar_;
+  const IntegratorOptions options_;
+};
+
+}  // namespace mapp

@@ -1,0 +1,33 @@
+#pragma once
+
+#include "server/service/integrator.h"
+#include "server/service/map_service.h"
+#include "server/service/shared_map.h"
+#include "server/service/tile_cache.h"
+#include "server/service/update_checker.h"
+#include "storage/map_store.h"
+
+namespace mapp {
+
+/// Parts in the order in which they need each other: threads come last and end first.
+struct MapService::Impl {
+  Impl(MapStore& map_store, const MapServiceOptions& options)
+      : store(map_store),
+        tiles(map_store, options.cache_bytes),
+        optimizer(map_store, tiles, events, options.optimizer),
+        registrar(map_store, tiles, events, options.registrar),
+        integrator(map_store, tiles, events, registrar,
+                   {.max_packet_bytes = options.max_keyframe_bytes, .association = {}}),
+        shared_map(map_store) {}
+
+  MapStore& store;
+  SessionEvents events;
+  TileCache tiles;
+  Optimizer optimizer;
+  Registrar registrar;
+  Integrator integrator;
+  SharedMapSender shared_map;
+  UpdateOptions update_options;
+};
+
+}  // namespace mapp

@@ -1,0 +1,64 @@
+#pragma once
+
+#include "mapp/codec/query_codec.h"
+#include "mapp/map/tile.h"
+#include "storage/records.h"
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mapp {
+
+struct OpenSessionInput {
+  std::string map_name;
+  std::string device;
+  SensorKind sensor = SensorKind::kRgbd;
+  Camera camera;
+  bool create_map = false;
+};
+struct OpenedSession {
+  SessionId session;
+  MapRecord map;
+};
+struct OverlapAnswer {
+  std::vector<bool> redundant;  ///< one per sample
+  Revision map_revision;
+};
+struct UploadResult {
+  FrameId frame;
+  bool already_stored = false;
+  Revision map_revision;
+  std::optional<Pose3> T_map_session;
+};
+struct HeldTile {
+  TileKey key;
+  Revision revision;
+};
+struct SharedMapInput {
+  SessionId session;
+  ViewQuery view;
+  double oversharing = 1.3;  ///< alpha
+  std::vector<HeldTile> held_tiles;
+  uint64_t max_bytes = 0;  ///< 0 = no budget
+};
+struct SharedMapResult {
+  Revision map_revision;
+  uint32_t num_tiles_sent = 0;
+  uint32_t num_tiles_unchanged = 0;
+  uint32_t num_tiles_over_budget = 0;
+};
+enum class UpdateVerdict { kNone = 1, kExpansion = 2, kUpdating = 3 };
+struct UpdateResult {
+  UpdateVerdict verdict = UpdateVerdict::kNone;
+  std::vector<MapPointId> missing_points;
+  std::vector<Aabb> missing_boxes;
+  double new_share = 0;
+};
+struct ClosedSession {
+  int64_t num_keyframes = 0;
+  bool optimization_pending = false;
+};
+
+}  // namespace mapp

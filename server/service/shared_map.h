@@ -1,0 +1,39 @@
+#pragma once
+
+#include "mapp/base/call_context.h"
+#include "mapp/base/status.h"
+#include "server/service/overlap_assessor.h"
+#include "server/service/service_types.h"
+
+#include <functional>
+#include <memory>
+#include <span>
+#include <string>
+
+namespace mapp {
+
+class MapStore;
+
+/// Sends devices the map around a view (DESIGN 9). Tiles go out as they are stored; one that has changed since it was
+/// last stored in its encoded form is encoded, and stored for the next request in a thread of its own. Thread-safe.
+class SharedMapSender {
+ public:
+  explicit SharedMapSender(MapStore& store);
+  ~SharedMapSender();
+
+  /// Calls `send` with each encoded tile in the cone {P, h, oversharing * FOV}, nearest first; stops with its error.
+  /// Each tile is read from a snapshot of its own, so that a slow device pins no snapshot for long.
+  /// `max_bytes`: the first tile that would pass it ends the stream; 0 = none.
+  StatusOr<SharedMapResult> Send(const CallContext& context, const MapView& view, double oversharing,
+                                 std::span<const HeldTile> held_tiles, uint64_t max_bytes,
+                                 const std::function<Status(const std::string& tile)>& send);
+
+  /// Ends the thread; what is not stored by then is encoded again when asked for. Idempotent.
+  void Shutdown();
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapp

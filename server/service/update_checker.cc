@@ -1,0 +1,246 @@
+#include "server/service/update_checker.h"
+
+#include "mapp/view/sampler.h"
+#include "server/service/point_tree.h"
+#include "server/service/view_search.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <utility>
+
+namespace mapp {
+namespace {
+
+/// Map points this near to the image border may have been cut off by pose error.
+constexpr double kImageMarginPx = 16;
+
+/// What one keyframe's own points say about places in its view.
+class OwnGeometry {
+ public:
+  static StatusOr<std::optional<OwnGeometry>> Create(const ReportedKeyframe& reported, const UpdateOptions& options) {
+    std::vector<Eigen::Vector3f> p_camera;
+    for (const KeyframeFeature& feature : reported.keyframe.features) {
+      if (!feature.point) continue;
+      const Eigen::Vector2d pixel(feature.keypoint.u_px, feature.keypoint.v_px);
+      p_camera.push_back((feature.point->depth_m * reported.view.camera.Unproject(pixel)).cast<float>());
+    }
+    if (p_camera.empty()) return std::optional<OwnGeometry>();
+    std::vector<Eigen::Vector3f> scaled;
+    std::vector<Eigen::Vector3f> rays;
+    for (const Eigen::Vector3f& p : p_camera) {
+      scaled.push_back(ScaledCoordinates(p));
+      rays.emplace_back(p.x() / p.z(), p.y() / p.z(), 0);
+    }
+    MAPP_ASSIGN_OR_RETURN(PointTree scaled_tree, PointTree::Build(scaled));
+    MAPP_ASSIGN_OR_RETURN(PointTree ray_tree, PointTree::Build(rays));
+    return std::optional<OwnGeometry>(
+        OwnGeometry(std::move(p_camera), std::move(scaled_tree), std::move(ray_tree), options));
+  }
+
+  const std::vector<Eigen::Vector3f>& points() const { return p_camera_; }
+  float FarthestDepth() const {
+    float farthest = 0;
+    for (const Eigen::Vector3f& p : p_camera_) farthest = std::max(farthest, p.z());
+    return farthest;
+  }
+
+  bool HasPointNear(const Eigen::Vector3f& p_camera) const {
+    return scaled_tree_.AnyWithin(ScaledCoordinates(p_camera), options_->match_radius, [](size_t) { return true; });
+  }
+
+  /// Whether own points lie around the ray to the point, none of them before it and one of them beyond: then it would
+  /// have been seen.
+  bool IsRayFree(const Eigen::Vector3f& p_camera) const {
+    const Eigen::Vector3f ray(p_camera.x() / p_camera.z(), p_camera.y() / p_camera.z(), 0);
+    const float free_depth = options_->min_free_depth_ratio * p_camera.z();
+    const auto blocks = [&](size_t i) { return p_camera_[i].z() < free_depth; };
+    const auto lies_beyond = [&](size_t i) { return p_camera_[i].z() >= p_camera.z(); };
+    return !ray_tree_.AnyWithin(ray, options_->ray_radius, blocks) &&
+           ray_tree_.AnyWithin(ray, options_->ray_radius, lies_beyond);
+  }
+
+ private:
+  OwnGeometry(std::vector<Eigen::Vector3f> p_camera, PointTree scaled_tree, PointTree ray_tree,
+              const UpdateOptions& options)
+      : p_camera_(std::move(p_camera)),
+        scaled_tree_(std::move(scaled_tree)),
+        ray_tree_(std::move(ray_tree)),
+        options_(&options) {}
+
+  std::vector<Eigen::Vector3f> p_camera_;
+  PointTree scaled_tree_;
+  PointTree ray_tree_;  // (x/z, y/z, 0)
+  const UpdateOptions* options_;
+};
+
+/// A map point that at least one keyframe should have seen.
+struct Judged {
+  Eigen::Vector3f p_map;
+  bool seen = false;
+};
+
+class Comparison {
+ public:
+  explicit Comparison(const UpdateOptions& options) : options_(options) {}
+
+  Status Add(TileCache& tiles, const ReportedKeyframe& reported) {
+    MAPP_ASSIGN_OR_RETURN(const std::optional<OwnGeometry> own, OwnGeometry::Create(reported, options_));
+    if (!own) return absl::OkStatus();
+    ViewCone reach = reported.view.Cone();
+    // A point beyond everything that was seen has no own point behind it.
+    reach.range_m = own->FarthestDepth() * std::sqrt(1 + MaxSquaredTangent(reported.view.camera));
+    MAPP_ASSIGN_OR_RETURN(auto tiles_in_reach, tiles.TilesInBox(reported.view.map, reach.BoundingBox()));
+    ViewSearch search(reported.view.Cone(), std::move(tiles_in_reach));
+    CountNew(*own, search);
+    JudgeMapPoints(reported.view, *own, search);
+    return absl::OkStatus();
+  }
+
+  StatusOr<UpdateResult> Conclude() const {
+    UpdateResult result;
+    if (num_own_ > 0) result.new_share = static_cast<double>(num_new_) / static_cast<double>(num_own_);
+    MAPP_ASSIGN_OR_RETURN(const std::vector<MissingPoint> missing, FindMissing());
+    for (const MissingPoint& point : missing) result.missing_points.push_back(point.id);
+    MAPP_ASSIGN_OR_RETURN(result.missing_boxes, BoxesAround(missing));
+    const double enough_missing = options_.min_missing_ratio * static_cast<double>(judged_.size());
+    if (missing.size() >= options_.min_missing_points && static_cast<double>(missing.size()) >= enough_missing) {
+      result.verdict = UpdateVerdict::kUpdating;
+    } else if (result.new_share >= options_.min_new_ratio) {
+      result.verdict = UpdateVerdict::kExpansion;
+    }
+    return result;
+  }
+
+ private:
+  struct MissingPoint {
+    MapPointId id;
+    Eigen::Vector3f p_map;
+  };
+
+  static double MaxSquaredTangent(const Camera& camera) {
+    double greatest = 0;
+    for (const double u : {0.0, camera.width_px - 1.0}) {
+      for (const double v : {0.0, camera.height_px - 1.0}) {
+        greatest = std::max(greatest, camera.Unproject({u, v}).head<2>().squaredNorm());
+      }
+    }
+    return greatest;
+  }
+
+  void CountNew(const OwnGeometry& own, ViewSearch& search) {
+    for (const Eigen::Vector3f& p_camera : own.points()) {
+      if (!search.AnyWithinScaled(p_camera, options_.match_radius)) ++num_new_;
+    }
+    num_own_ += own.points().size();
+  }
+
+  void JudgeMapPoints(const MapView& view, const OwnGeometry& own, const ViewSearch& search) {
+    const Pose3 T_camera_map = view.T_map_camera.Inverse();
+    const Eigen::Vector3f center = view.T_map_camera.translation().cast<float>();
+    for (const auto& tile : search.tiles()) {
+      tile->ForEachPoint([&](const LoadedPoint& point) {
+        if (point.confidence < options_.min_confidence || !IsSeenAlike(point, center)) return;
+        const Eigen::Vector3d p_camera = T_camera_map * point.p_map.cast<double>();
+        if (p_camera.z() <= 0 || p_camera.z() > view.range_m || !InImage(view.camera, p_camera)) return;
+        Judge(point, p_camera.cast<float>(), own);
+      });
+    }
+  }
+
+  void Judge(const LoadedPoint& point, const Eigen::Vector3f& p_camera, const OwnGeometry& own) {
+    if (own.HasPointNear(p_camera)) {
+      judged_[point.id] = {point.p_map, true};
+    } else if (own.IsRayFree(p_camera)) {
+      judged_.try_emplace(point.id, Judged{point.p_map, false});
+    }
+  }
+
+  /// From a like direction, and from where the detector's pyramid reaches it.
+  static bool IsSeenAlike(const LoadedPoint& point, const Eigen::Vector3f& center) {
+    const Eigen::Vector3f ray = point.p_map - center;
+    const float distance_m = ray.norm();
+    const float nearest_m = point.reference_distance_m / OctaveScale(kPyramidLevels - 1);
+    if (distance_m < nearest_m || distance_m > point.reference_distance_m * kPyramidScale) return false;
+    const auto least_dot = static_cast<float>(std::cos(kLikeViewAngle)) * distance_m;
+    for (uint32_t i = 0; i < point.num_observers; ++i) {
+      if (point.observer_directions[i].dot(ray) >= least_dot) return true;
+    }
+    return false;
+  }
+
+  /// By the undistorted model: a distorted one folds far rays back into the image.
+  static bool InImage(const Camera& camera, const Eigen::Vector3d& p_camera) {
+    return camera.Contains(camera.Undistorted().Project(p_camera), kImageMarginPx);
+  }
+
+  /// The unseen points most of whose nearest judged neighbours are unseen too.
+  StatusOr<std::vector<MissingPoint>> FindMissing() const {
+    std::vector<MissingPoint> missing;
+    std::vector<Eigen::Vector3f> positions;
+    std::vector<bool> seen;
+    for (const auto& [id, judged] : judged_) {
+      positions.push_back(judged.p_map);
+      seen.push_back(judged.seen);
+    }
+    if (positions.empty()) return missing;
+    MAPP_ASSIGN_OR_RETURN(const PointTree tree, PointTree::Build(positions));
+    for (const auto& [id, judged] : judged_) {
+      if (judged.seen) continue;
+      // The point itself is its own nearest.
+      const std::vector<size_t> nearest = tree.Nearest(judged.p_map, options_.num_neighbors + 1);
+      const auto num_unseen =
+          static_cast<double>(std::count_if(nearest.begin(), nearest.end(), [&](size_t i) { return !seen[i]; }) - 1);
+      const double num_neighbors = static_cast<double>(nearest.size()) - 1;
+      if (num_neighbors > 0 && num_unseen >= options_.min_missing_neighbor_ratio * num_neighbors) {
+        missing.push_back({id, judged.p_map});
+      }
+    }
+    return missing;
+  }
+
+  /// Boxes around groups of points that gaps of more than box_gap_m part (single linkage).
+  StatusOr<std::vector<Aabb>> BoxesAround(const std::vector<MissingPoint>& missing) const {
+    std::vector<Aabb> boxes;
+    if (missing.empty()) return boxes;
+    std::vector<Eigen::Vector3f> positions;
+    for (const MissingPoint& point : missing) positions.push_back(point.p_map);
+    MAPP_ASSIGN_OR_RETURN(const PointTree tree, PointTree::Build(positions));
+    std::vector<bool> reached(positions.size(), false);
+    for (size_t seed = 0; seed < positions.size(); ++seed) {
+      if (reached[seed]) continue;
+      reached[seed] = true;
+      std::vector<size_t> open = {seed};
+      Aabb box;
+      while (!open.empty()) {
+        const size_t current = open.back();
+        open.pop_back();
+        box.extend(positions[current].cast<double>());
+        tree.AnyWithin(positions[current], options_.box_gap_m, [&](size_t i) {
+          if (!reached[i]) open.push_back(i);
+          reached[i] = true;
+          return false;
+        });
+      }
+      boxes.push_back(box);
+    }
+    return boxes;
+  }
+
+  const UpdateOptions& options_;
+  std::map<MapPointId, Judged> judged_;
+  size_t num_own_ = 0;
+  size_t num_new_ = 0;
+};
+
+}  // namespace
+
+StatusOr<UpdateResult> CompareWithMap(TileCache& tiles, std::span<const ReportedKeyframe> keyframes,
+                                      const UpdateOptions& options) {
+  Comparison comparison(options);
+  for (const ReportedKeyframe& keyframe : keyframes) MAPP_RETURN_IF_ERROR(comparison.Add(tiles, keyframe));
+  return comparison.Conclude();
+}
+
+}  // namespace mapp
