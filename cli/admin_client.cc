@@ -1,0 +1,192 @@
+#include "cli/admin_client.h"
+
+#include "api/convert/convert.h"
+#include "api/status/grpc_status.h"
+#include "mapp/v1/admin_service.grpc.pb.h"
+
+#include <fmt/format.h>
+#include <grpcpp/create_channel.h>
+
+#include <algorithm>
+#include <chrono>
+#include <tuple>
+
+namespace mapp {
+namespace {
+
+constexpr std::chrono::seconds kCallTimeout(10);
+/// Deleting and exporting touch everything a map holds.
+constexpr std::chrono::minutes kBulkCallTimeout(10);
+
+Eigen::Vector3d ToVector(const v1::Point3& point) { return {point.x_m(), point.y_m(), point.z_m()}; }
+
+MapSummary ToSummary(const v1::MapInfo& info) {
+  MapSummary map;
+  map.id = info.id();
+  map.name = info.name();
+  map.created_unix_ns = info.created_unix_ns();
+  map.revision = info.revision();
+  map.num_frames = info.num_frames();
+  map.num_points = info.num_points();
+  map.num_sessions = info.num_sessions();
+  map.tile_edge_m = info.tile_edge_m();
+  map.cone_range_m = info.cone_range_m();
+  map.num_tiles = info.num_tiles();
+  if (info.has_bounds()) map.bounds = Aabb(ToVector(info.bounds().min()), ToVector(info.bounds().max()));
+  return map;
+}
+
+StatusOr<SessionSummary> ToSummary(const v1::SessionInfo& info) {
+  SessionSummary session;
+  session.id = info.id();
+  session.map_name = info.map_name();
+  session.device = info.device();
+  MAPP_ASSIGN_OR_RETURN(session.sensor, FromProto(info.sensor(), "sensor"));
+  session.opened_unix_ns = info.opened_unix_ns();
+  session.closed_unix_ns = info.closed_unix_ns();
+  if (info.has_pose_map_session()) {
+    MAPP_ASSIGN_OR_RETURN(session.T_map_session, FromProto(info.pose_map_session(), "pose_map_session"));
+    session.aligned_at_keyframe = info.aligned_at_keyframe();
+  }
+  session.num_keyframes = info.num_keyframes();
+  session.num_upload_bytes = info.num_upload_bytes();
+  return session;
+}
+
+StatusOr<MapFrameSummary> ToSummary(const v1::ExportedFrame& exported) {
+  MapFrameSummary frame;
+  frame.session_id = exported.session_id();
+  frame.keyframe = exported.keyframe();
+  frame.stamp_ns = exported.stamp_ns();
+  MAPP_ASSIGN_OR_RETURN(frame.T_map_camera, FromProto(exported.pose_map_camera(), "pose_map_camera"));
+  frame.partial = exported.partial();
+  return frame;
+}
+
+MapPointSummary ToSummary(const v1::ExportedPoint& exported) {
+  return {ToVector(exported.position_map()), exported.num_observations(), exported.confidence(), exported.session_id()};
+}
+
+/// A server's own answer that fails validation is not the caller's fault.
+Status BadAnswer(const Status& status) {
+  return absl::DataLossError(fmt::format("the server's answer: {}", std::string(status.message())));
+}
+
+}  // namespace
+
+struct AdminClient::Impl {
+  std::string server;
+  std::unique_ptr<v1::AdminService::Stub> stub;
+
+  Status ToStatus(const grpc::Status& status) const {
+    if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
+      return Annotate(FromGrpcStatus(status), fmt::format("server {}", server));
+    }
+    return FromGrpcStatus(status);
+  }
+
+  template <typename Request, typename Response>
+  StatusOr<Response> Call(grpc::Status (v1::AdminService::Stub::*method)(grpc::ClientContext*, const Request&,
+                                                                         Response*),
+                          const Request& request, std::chrono::milliseconds timeout) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + timeout);
+    Response response;
+    MAPP_RETURN_IF_ERROR(ToStatus((stub.get()->*method)(&context, request, &response)));
+    return response;
+  }
+};
+
+AdminClient::AdminClient(const std::string& server) : impl_(std::make_unique<Impl>()) {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(-1);
+  impl_->server = server;
+  impl_->stub =
+      v1::AdminService::NewStub(grpc::CreateCustomChannel(server, grpc::InsecureChannelCredentials(), arguments));
+}
+
+AdminClient::~AdminClient() = default;
+
+StatusOr<ServerSummary> AdminClient::GetServerInfo() {
+  MAPP_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse response,
+                        impl_->Call(&v1::AdminService::Stub::GetServerInfo, {}, kCallTimeout));
+  ServerSummary server{response.version(), response.schema_version(), response.started_unix_ns(), {}};
+  for (const auto& figures : response.methods()) {
+    server.methods.push_back(
+        {figures.method(), figures.num_calls(), figures.num_errors(), figures.median_ms(), figures.p95_ms()});
+  }
+  return server;
+}
+
+StatusOr<std::vector<MapSummary>> AdminClient::ListMaps() {
+  MAPP_ASSIGN_OR_RETURN(const v1::ListMapsResponse response,
+                        impl_->Call(&v1::AdminService::Stub::ListMaps, {}, kCallTimeout));
+  std::vector<MapSummary> maps;
+  for (const v1::MapInfo& info : response.maps()) maps.push_back(ToSummary(info));
+  return maps;
+}
+
+StatusOr<MapSummary> AdminClient::GetMap(const std::string& name) {
+  v1::GetMapRequest request;
+  request.set_name(name);
+  MAPP_ASSIGN_OR_RETURN(const v1::GetMapResponse response,
+                        impl_->Call(&v1::AdminService::Stub::GetMap, request, kCallTimeout));
+  return ToSummary(response.map());
+}
+
+StatusOr<std::pair<uint64_t, uint64_t>> AdminClient::DeleteMap(const std::string& name, bool force) {
+  v1::DeleteMapRequest request;
+  request.set_name(name);
+  request.set_force(force);
+  MAPP_ASSIGN_OR_RETURN(const v1::DeleteMapResponse response,
+                        impl_->Call(&v1::AdminService::Stub::DeleteMap, request, kBulkCallTimeout));
+  return std::pair(response.num_frames(), response.num_points());
+}
+
+StatusOr<std::vector<SessionSummary>> AdminClient::ListSessions(const std::string& map_name) {
+  v1::ListSessionsRequest request;
+  request.set_map_name(map_name);
+  MAPP_ASSIGN_OR_RETURN(const v1::ListSessionsResponse response,
+                        impl_->Call(&v1::AdminService::Stub::ListSessions, request, kCallTimeout));
+  std::vector<SessionSummary> sessions;
+  for (const v1::SessionInfo& info : response.sessions()) {
+    StatusOr<SessionSummary> session = ToSummary(info);
+    if (!session.ok()) return BadAnswer(session.status());
+    sessions.push_back(*std::move(session));
+  }
+  return sessions;
+}
+
+StatusOr<MapContent> AdminClient::ExportMap(const std::string& name) {
+  v1::ExportMapRequest request;
+  request.set_name(name);
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kBulkCallTimeout);
+  const auto reader = impl_->stub->ExportMap(&context, request);
+
+  MapContent content;
+  Status bad_answer;
+  v1::ExportMapResponse response;
+  while (bad_answer.ok() && reader->Read(&response)) {
+    if (response.has_map()) content.map = ToSummary(response.map());
+    for (const v1::ExportedPoint& point : response.points()) content.points.push_back(ToSummary(point));
+    for (const v1::ExportedFrame& exported : response.frames()) {
+      StatusOr<MapFrameSummary> frame = ToSummary(exported);
+      if (!frame.ok()) {
+        bad_answer = BadAnswer(frame.status());
+        context.TryCancel();
+        break;
+      }
+      content.frames.push_back(*std::move(frame));
+    }
+  }
+  const grpc::Status finished = reader->Finish();
+  MAPP_RETURN_IF_ERROR(bad_answer);
+  MAPP_RETURN_IF_ERROR(impl_->ToStatus(finished));
+  std::sort(content.frames.begin(), content.frames.end(), [](const MapFrameSummary& a, const MapFrameSummary& b) {
+    return std::tie(a.session_id, a.keyframe) < std::tie(b.session_id, b.keyframe);
+  });
+  return content;
+}
+
+}  // namespace mapp

@@ -1,0 +1,36 @@
+#pragma once
+
+#include "cli/map_info.h"
+#include "mapp/base/status.h"
+
+#include <memory>
+#include <string>
+#include <utility>
+#include <vector>
+
+namespace mapp {
+
+/// The operators' side of mapp.v1. One thread only. Errors carry the server's code and message; an answer that does not
+/// make sense is DATA_LOSS.
+class AdminClient {
+ public:
+  /// `server`: host:port. Does not connect yet.
+  explicit AdminClient(const std::string& server);
+  ~AdminClient();
+
+  StatusOr<ServerSummary> GetServerInfo();
+  StatusOr<std::vector<MapSummary>> ListMaps();
+  StatusOr<MapSummary> GetMap(const std::string& name);
+  /// Numbers of frames and points that went. With `force` also when sessions are open.
+  StatusOr<std::pair<uint64_t, uint64_t>> DeleteMap(const std::string& name, bool force);
+  /// Of all maps when `map_name` is empty.
+  StatusOr<std::vector<SessionSummary>> ListSessions(const std::string& map_name);
+  /// Everything the map holds now, frames by session and number.
+  StatusOr<MapContent> ExportMap(const std::string& name);
+
+ private:
+  struct Impl;
+  std::unique_ptr<Impl> impl_;
+};
+
+}  // namespace mapp

@@ -1,0 +1,101 @@
+#include "cli/export_map.h"
+
+#include "cli/admin_client.h"
+#include "cli/file_io.h"
+#include "cli/json_writer.h"
+#include "datasets/sequence.h"
+
+#include <fmt/format.h>
+
+#include <bit>
+#include <filesystem>
+#include <iterator>
+#include <map>
+
+namespace mapp {
+namespace {
+
+template <typename T>
+void AppendLittleEndian(T value, std::string& bytes) {
+  uint32_t bits = std::bit_cast<uint32_t>(value);
+  for (size_t i = 0; i < sizeof(bits); ++i, bits >>= 8) bytes += static_cast<char>(bits & 0xFF);
+}
+
+void AppendPointBinary(const MapPointSummary& point, std::string& bytes) {
+  for (const double coordinate : point.p_map) AppendLittleEndian(static_cast<float>(coordinate), bytes);
+  AppendLittleEndian(point.num_observations, bytes);
+  AppendLittleEndian(point.confidence, bytes);
+  AppendLittleEndian(static_cast<uint32_t>(point.session_id), bytes);
+}
+
+void AppendPointAscii(const MapPointSummary& point, std::string& text) {
+  fmt::format_to(std::back_inserter(text), "{:.5f} {:.5f} {:.5f} {} {:.4f} {}\n", point.p_map.x(), point.p_map.y(),
+                 point.p_map.z(), point.num_observations, point.confidence, point.session_id);
+}
+
+StatusOr<std::vector<std::string>> WriteTrajectories(const std::string& folder, const MapContent& content) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  if (error) return absl::FailedPreconditionError(fmt::format("{}: cannot be made: {}", folder, error.message()));
+  std::map<uint64_t, std::vector<StampedPose>> trajectories;
+  for (const MapFrameSummary& frame : content.frames) {
+    trajectories[frame.session_id].push_back({frame.stamp_ns, frame.T_map_camera});
+  }
+  std::vector<std::string> files;
+  for (const auto& [session_id, poses] : trajectories) {
+    files.push_back((std::filesystem::path(folder) / fmt::format("session_{}.txt", session_id)).string());
+    MAPP_RETURN_IF_ERROR(WriteTumTrajectory(files.back(), poses));
+  }
+  return files;
+}
+
+void Report(const ExportOptions& options, const MapContent& content, const std::vector<std::string>& files,
+            std::ostream& out) {
+  if (!options.json) {
+    out << fmt::format("{}: {} frames, {} points at revision {}\n", content.map.name, content.frames.size(),
+                       content.points.size(), content.map.revision);
+    for (const std::string& file : files) out << file << '\n';
+    return;
+  }
+  JsonWriter json;
+  json.BeginObject().Field("map", content.map.name).Field("revision", content.map.revision);
+  json.Field("num_frames", content.frames.size()).Field("num_points", content.points.size());
+  json.Key("files").BeginArray();
+  for (const std::string& file : files) json.Value(file);
+  json.EndArray().EndObject();
+  out << std::move(json).Finish();
+}
+
+}  // namespace
+
+std::string FormatPly(const MapContent& content, PlyEncoding encoding) {
+  const bool ascii = encoding == PlyEncoding::kAscii;
+  std::string ply = fmt::format(
+      "ply\nformat {} 1.0\ncomment map points, frame map, metres\nelement vertex {}\n"
+      "property float x\nproperty float y\nproperty float z\n"
+      "property uint observations\nproperty float confidence\nproperty uint session\nend_header\n",
+      ascii ? "ascii" : "binary_little_endian", content.points.size());
+  for (const MapPointSummary& point : content.points) {
+    if (ascii) {
+      AppendPointAscii(point, ply);
+    } else {
+      AppendPointBinary(point, ply);
+    }
+  }
+  return ply;
+}
+
+Status RunExport(const ExportOptions& options, std::ostream& out) {
+  MAPP_ASSIGN_OR_RETURN(const MapContent content, AdminClient(options.server).ExportMap(options.map_name));
+  std::vector<std::string> files = {options.out};
+  if (options.format == ExportFormat::kPly) {
+    MAPP_RETURN_IF_ERROR(WriteOutput(options.out, FormatPly(content, options.encoding), out));
+  } else {
+    MAPP_ASSIGN_OR_RETURN(files, WriteTrajectories(options.out, content));
+  }
+  // Standard output then carries the file itself.
+  if (options.out != "-") Report(options, content, files, out);
+  return absl::OkStatus();
+}
+
+}  // namespace mapp

@@ -1,0 +1,231 @@
+// The `mapp` command line: parses arguments and dispatches; each subcommand has a file of its own.
+
+#include "cli/export_map.h"
+#include "cli/interrupt.h"
+#include "cli/maps.h"
+#include "cli/render.h"
+#include "cli/replay.h"
+#include "cli/sequence_source.h"
+#include "cli/server_info.h"
+#include "cli/sessions.h"
+#include "cli/simulate_room.h"
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <functional>
+#include <iostream>
+#include <memory>
+#include <unistd.h>
+
+namespace mapp {
+namespace {
+
+constexpr int kExitDone = 0;
+constexpr int kExitFailed = 1;
+constexpr int kExitUsage = 2;
+
+/// What the chosen subcommand runs once all arguments are parsed.
+using Command = std::function<Status()>;
+
+/// The message on one line, as scripts expect it.
+void PrintError(std::string message) {
+  while (!message.empty() && message.back() == '\n') message.pop_back();
+  for (char& c : message) {
+    if (c == '\n') c = ' ';
+  }
+  std::cerr << "mapp: " << message << '\n';
+}
+
+void AddServer(CLI::App& command, std::string& server) {
+  command.add_option("--server", server, "Server, host:port")->envname("MAPP_SERVER")->default_val("127.0.0.1:7878");
+}
+
+void AddJson(CLI::App& command, bool& json) { command.add_flag("--json", json, "Print JSON instead of a table"); }
+
+/// Refuses `sim:` names that no room answers to, before anything is opened.
+std::string CheckSequence(const std::string& name) {
+  if (!name.starts_with("sim:") || ParseRoomSpec(name)) return {};
+  return fmt::format("{} is not sim:room/SESSION or sim:room:SEED/SESSION", name);
+}
+
+constexpr const char* kReplayFooter =
+    R"(SEQUENCE is a folder (TUM RGB-D or EuRoC ASL layout), or the rendered room, drawn
+while it plays: sim:room/SESSION or sim:room:SEED/SESSION.
+
+Figures, as in the JSON:
+  keyframe_equivalents    frames on a shared map, where no keyframe is made, at which
+                          the device would have made one mapping for itself
+  ..._bytes_per_keyframe  over keyframes + keyframe_equivalents
+  full_bytes              what --policy upload_all would have sent at each of these
+  upload_bytes            keyframes and update reports, retries included
+  query_bytes             the largest overlap query
+  aligned_at_keyframe     0 for the session that founds the map, null if never
+  ate_m                   RMSE of positions after the best rigid alignment, metres
+  ate_joint_m             the same under the alignment of the map's first session,
+                          as --align-by gives it: judges the merged map)";
+
+void AddReplay(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<ReplayOptions>();
+  CLI::App* command = app.add_subcommand("replay", "Play a recorded or rendered sequence against a server");
+  command->footer(kReplayFooter);
+  AddServer(*command, options->server);
+  command->add_option("--map", options->map_name, "Map to join; made when absent")->required();
+  command->add_option("--device", options->device, "Name of the device, for operators")->required();
+  static const std::map<std::string, UploadPolicy> kPolicies = {{"map", UploadPolicy::kMap},
+                                                                {"upload_all", UploadPolicy::kUploadAll}};
+  command->add_option("--policy", options->policy, "map: upload what is fresh; upload_all: every keyframe whole")
+      ->transform(CLI::CheckedTransformer(kPolicies).description("{map,upload_all}"));
+  static const std::map<std::string, ReplayRate> kRates = {{"max", ReplayRate::kMax}, {"real", ReplayRate::kReal}};
+  command->add_option("--rate", options->rate, "max: as fast as it goes, repeatable; real: at the recorded times")
+      ->transform(CLI::CheckedTransformer(kRates).description("{max,real}"));
+  auto align_by = std::make_shared<std::vector<std::string>>();
+  command->add_option("--align-by", *align_by, "TUM files of the map's first session: truth, then trajectory")
+      ->expected(2)
+      ->type_name("TRUTH_0 TRAJECTORY_0");
+  command->add_option("--trajectory-out", options->trajectory_file, "TUM: T_map_camera once aligned")
+      ->type_name("FILE");
+  command->add_option("--truth-out", options->truth_file, "TUM: the sequence's ground truth, where it has one")
+      ->type_name("FILE");
+  command->add_option("--frames-out", options->frames_file, "CSV of the frames in the map, for mapp render --frames")
+      ->type_name("FILE");
+  command->add_option("--json", options->json_file, "The report as JSON; - for standard output")->type_name("FILE");
+  command->add_option("sequence", options->sequence, "What to play")
+      ->required()
+      ->type_name("SEQUENCE")
+      ->check(CLI::Validator(CheckSequence, ""));
+  command->callback([options, align_by, &chosen] {
+    if (!align_by->empty()) options->align_by = AlignBy{align_by->at(0), align_by->at(1)};
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunReplay(*options, watcher->token(), std::cout);
+    };
+  });
+}
+
+void AddMaps(CLI::App& app, Command& chosen) {
+  CLI::App* maps = app.add_subcommand("maps", "List, show and delete maps")->require_subcommand(1);
+
+  auto list = std::make_shared<MapsListOptions>();
+  CLI::App* list_command = maps->add_subcommand("list", "All maps of a server");
+  AddServer(*list_command, list->server);
+  AddJson(*list_command, list->json);
+  list_command->callback([list, &chosen] { chosen = [list] { return RunMapsList(*list, std::cout); }; });
+
+  auto show = std::make_shared<MapsShowOptions>();
+  CLI::App* show_command = maps->add_subcommand("show", "One map in detail");
+  AddServer(*show_command, show->server);
+  AddJson(*show_command, show->json);
+  show_command->add_option("name", show->name, "Name of the map")->required()->type_name("MAP");
+  show_command->callback([show, &chosen] { chosen = [show] { return RunMapsShow(*show, std::cout); }; });
+
+  auto remove = std::make_shared<MapsDeleteOptions>();
+  CLI::App* delete_command = maps->add_subcommand("delete", "Delete a map with everything in it");
+  AddServer(*delete_command, remove->server);
+  AddJson(*delete_command, remove->json);
+  delete_command->add_flag("--yes", remove->yes, "Do not ask");
+  delete_command->add_flag("--force", remove->force, "Also when sessions are open");
+  delete_command->add_option("name", remove->name, "Name of the map")->required()->type_name("MAP");
+  delete_command->callback([remove, &chosen] {
+    remove->interactive = isatty(STDIN_FILENO) == 1;
+    chosen = [remove] { return RunMapsDelete(*remove, std::cin, std::cout); };
+  });
+}
+
+void AddSessions(CLI::App& app, Command& chosen) {
+  CLI::App* sessions = app.add_subcommand("sessions", "List sessions")->require_subcommand(1);
+  auto list = std::make_shared<SessionsListOptions>();
+  CLI::App* command = sessions->add_subcommand("list", "Sessions, oldest first");
+  AddServer(*command, list->server);
+  AddJson(*command, list->json);
+  command->add_option("--map", list->map_name, "Only of this map");
+  command->callback([list, &chosen] { chosen = [list] { return RunSessionsList(*list, std::cout); }; });
+}
+
+void AddExport(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<ExportOptions>();
+  CLI::App* command = app.add_subcommand("export", "Write a map's points or trajectories to files");
+  AddServer(*command, options->server);
+  AddJson(*command, options->json);
+  command->add_option("--map", options->map_name, "Map to export")->required();
+  static const std::map<std::string, ExportFormat> kFormats = {{"ply", ExportFormat::kPly},
+                                                               {"tum", ExportFormat::kTum}};
+  command->add_option("--format", options->format, "ply: the points; tum: each session's keyframes")
+      ->transform(CLI::CheckedTransformer(kFormats).description("{ply,tum}"));
+  command->add_flag_callback(
+      "--ascii", [options] { options->encoding = PlyEncoding::kAscii; }, "PLY as text instead of binary");
+  command->add_option("--out", options->out, "PLY: the file, - for standard output. TUM: a folder")
+      ->required()
+      ->type_name("PATH");
+  command->callback([options, &chosen] { chosen = [options] { return RunExport(*options, std::cout); }; });
+}
+
+void AddRender(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<RenderOptions>();
+  CLI::App* command = app.add_subcommand("render", "Draw a map from above");
+  AddServer(*command, options->server);
+  AddJson(*command, options->json);
+  command->add_option("--map", options->map_name, "Map to draw")->required();
+  command->add_option("--out", options->out_file, "The PNG")->required()->type_name("FILE");
+  command->add_option("--frames", options->frame_files, "Frame logs that mapp replay wrote with --frames-out")
+      ->type_name("FILE");
+  command->add_option("--width", options->image.width_px, "Width of the picture, pixels, 400 to 16384")
+      ->check(CLI::Range(400, 16384))
+      ->capture_default_str();
+  command->add_option("--height", options->image.height_px, "Height of the picture, pixels, 300 to 16384")
+      ->check(CLI::Range(300, 16384))
+      ->capture_default_str();
+  command->callback([options, &chosen] { chosen = [options] { return RunRender(*options, std::cout); }; });
+}
+
+void AddServerInfo(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<ServerInfoOptions>();
+  CLI::App* command = app.add_subcommand("server-info", "Version of a server, and how long its methods take");
+  AddServer(*command, options->server);
+  AddJson(*command, options->json);
+  command->callback([options, &chosen] { chosen = [options] { return RunServerInfo(*options, std::cout); }; });
+}
+
+void AddSimulateRoom(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<SimulateRoomOptions>();
+  CLI::App* command = app.add_subcommand("simulate-room", "Write a session of the rendered room as a TUM RGB-D folder");
+  command->add_option("--out", options->folder, "Folder, made when absent")->required()->type_name("DIR");
+  command->add_option("--session", options->room.session, "Which walk through the room")
+      ->check(CLI::Range(0U, RoomSpec::kMaxSession))
+      ->capture_default_str();
+  command->add_option("--seed", options->room.seed, "Which room")->capture_default_str();
+  AddJson(*command, options->json);
+  command->callback([options, &chosen] { chosen = [options] { return RunSimulateRoom(*options, std::cout); }; });
+}
+
+int Main(int argc, char** argv) {
+  CLI::App app("Command line of Map++, a self-hosted service for shared visual maps", "mapp");
+  app.require_subcommand(1);
+  app.set_version_flag("--version", MAPP_VERSION);
+  app.footer("Exit codes: 0 done, 1 failed, 2 wrong usage. MAPP_SERVER names the server when --server does not.");
+  Command chosen;
+  AddReplay(app, chosen);
+  AddMaps(app, chosen);
+  AddSessions(app, chosen);
+  AddExport(app, chosen);
+  AddRender(app, chosen);
+  AddServerInfo(app, chosen);
+  AddSimulateRoom(app, chosen);
+  try {
+    app.parse(argc, argv);
+  } catch (const CLI::Success& success) {
+    return app.exit(success);  // prints the help or the version
+  } catch (const CLI::ParseError& error) {
+    PrintError(fmt::format("{} (see mapp --help)", error.what()));
+    return kExitUsage;
+  }
+  const Status status = chosen();
+  if (status.ok()) return kExitDone;
+  PrintError(std::string(status.message()));
+  return kExitFailed;
+}
+
+}  // namespace
+}  // namespace mapp
+
+int main(int argc, char** argv) { return mapp::Main(argc, argv); }

@@ -1,0 +1,201 @@
+#include "cli/map_image.h"
+
+#include "cli/canvas.h"
+#include "cli/session_track.h"
+#include "cli/top_view.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <array>
+#include <cmath>
+#include <numeric>
+
+namespace mapp {
+namespace {
+
+constexpr int kLegendWidthPx = 300;
+constexpr int kMarginPx = 20;
+constexpr Color kBlack{30, 30, 30};
+constexpr Color kGray{120, 120, 120};
+constexpr Color kPanel{246, 246, 246};
+
+/// Colors that people of any color vision tell apart (Okabe and Ito, 2008).
+constexpr std::array<Color, 6> kSessionColors = {
+    {{0, 114, 178}, {213, 94, 0}, {0, 158, 115}, {204, 121, 167}, {230, 159, 0}, {86, 180, 233}}};
+
+Color SessionColor(size_t track_idx) { return kSessionColors[track_idx % kSessionColors.size()]; }
+
+Status Validate(const MapImageOptions& options) {
+  constexpr int kMaxSizePx = 16384;
+  if (options.width_px < 400 || options.width_px > kMaxSizePx) {
+    return absl::InvalidArgumentError(fmt::format("width_px: must be in [400, 16384], got {}", options.width_px));
+  }
+  if (options.height_px < 300 || options.height_px > kMaxSizePx) {
+    return absl::InvalidArgumentError(fmt::format("height_px: must be in [300, 16384], got {}", options.height_px));
+  }
+  return absl::OkStatus();
+}
+
+TopView MakeView(const MapImageContent& content, const std::vector<SessionTrack>& tracks,
+                 const MapImageOptions& options) {
+  std::vector<Pose3> cameras;
+  std::vector<Eigen::Vector3d> points;
+  for (const SessionTrack& track : tracks) {
+    for (const TrackFrame& frame : track.frames) cameras.push_back(frame.T_map_camera);
+  }
+  for (const MapPointSummary& point : content.map.points) points.push_back(point.p_map);
+  return TopView(
+      cameras, points,
+      {kMarginPx, kMarginPx, options.width_px - kLegendWidthPx - 2 * kMarginPx, options.height_px - 2 * kMarginPx});
+}
+
+/// Low points light, high points dark; the higher ones on top.
+void DrawPoints(const std::vector<MapPointSummary>& points, const TopView& view, Canvas& canvas) {
+  if (points.empty()) return;
+  std::vector<double> heights;
+  for (const MapPointSummary& point : points) heights.push_back(view.Height(point.p_map));
+  std::vector<size_t> order(points.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return heights[a] < heights[b]; });
+  for (size_t rank = 0; rank < order.size(); ++rank) {
+    // By rank, not by height: a few stray points must not take the whole range of shades.
+    const auto shade = static_cast<uint8_t>(215 - 120 * rank / order.size());
+    canvas.FillSquare(view.ToPixel(points[order[rank]].p_map), 2, {shade, shade, shade});
+  }
+}
+
+void DrawPath(const SessionTrack& track, Color color, const TopView& view, Canvas& canvas) {
+  for (size_t i = 1; i < track.frames.size(); ++i) {
+    const TrackFrame& from = track.frames[i - 1];
+    const TrackFrame& to = track.frames[i];
+    if (!track.IsContinuous(i)) continue;
+    const Eigen::Vector2d a = view.ToPixel(from.T_map_camera.translation());
+    const Eigen::Vector2d b = view.ToPixel(to.T_map_camera.translation());
+    if (from.on_shared_map && to.on_shared_map) canvas.Line(a, b, 9, Tint(color));
+    canvas.Line(a, b, 2, color);
+  }
+}
+
+void DrawMarker(FrameMark mark, const Eigen::Vector2d& pixel, Color color, Canvas& canvas) {
+  constexpr int kRadiusPx = 5;
+  switch (mark) {
+    case FrameMark::kWhole:
+      canvas.Disc(pixel, kRadiusPx, color, color);
+      return;
+    case FrameMark::kPartial:
+      canvas.Disc(pixel, kRadiusPx, kWhite, color);
+      return;
+    case FrameMark::kShared:
+      canvas.Diamond(pixel, kRadiusPx + 2, color);
+      return;
+    case FrameMark::kNone:
+      return;
+  }
+}
+
+void DrawTrack(const SessionTrack& track, Color color, const TopView& view, Canvas& canvas) {
+  if (track.frames.empty()) return;
+  for (const TrackFrame& frame : track.frames) {
+    DrawMarker(frame.mark, view.ToPixel(frame.T_map_camera.translation()), color, canvas);
+  }
+  const Eigen::Vector2d start = view.ToPixel(track.frames.front().T_map_camera.translation());
+  canvas.Circle(start, 11, 2, color);
+  canvas.Text(start + Eigen::Vector2d(14, -8), fmt::format("{}", track.session_id), 0.55, color);
+}
+
+/// The legend's pen: writes line after line.
+class Legend {
+ public:
+  Legend(Canvas& canvas, int left_px, int top_px) : canvas_(canvas), left_px_(left_px), y_px_(top_px) {}
+
+  void Title(const std::string& text) { Line(text, 0.62, kBlack, 0); }
+  void Note(const std::string& text) { Line(text, 0.45, kGray, 0); }
+  void Gap() { y_px_ += 14; }
+  /// A line of text behind a symbol, which `draw` puts around the pixel it is given.
+  template <typename Draw>
+  void Entry(const std::string& text, const Draw& draw) {
+    draw(Eigen::Vector2d(left_px_ + 12, y_px_ - 5));
+    Line(text, 0.45, kBlack, 34);
+  }
+
+ private:
+  void Line(const std::string& text, double scale, Color color, int indent_px) {
+    canvas_.Text(Eigen::Vector2d(left_px_ + indent_px, y_px_), text, scale, color);
+    y_px_ += 24;
+  }
+
+  Canvas& canvas_;
+  int left_px_;
+  int y_px_;
+};
+
+void DrawLegend(const MapImageContent& content, const std::vector<SessionTrack>& tracks, int left_px, Canvas& canvas) {
+  const MapSummary& map = content.map.map;
+  Legend legend(canvas, left_px, 48);
+  legend.Title(map.name);
+  legend.Note(fmt::format("revision {}, seen from above", map.revision));
+  legend.Note(fmt::format("{} points (darker: higher)", content.map.points.size()));
+  legend.Note(fmt::format("{} map frames", content.map.frames.size()));
+  legend.Gap();
+  for (size_t i = 0; i < tracks.size(); ++i) {
+    legend.Entry(tracks[i].label, [&](const Eigen::Vector2d& pixel) {
+      canvas.Line(pixel - Eigen::Vector2d(10, 0), pixel + Eigen::Vector2d(10, 0), 3, SessionColor(i));
+    });
+    legend.Note(fmt::format("      {} whole, {} partial, {} shared", tracks[i].CountMarks(FrameMark::kWhole),
+                            tracks[i].CountMarks(FrameMark::kPartial), tracks[i].CountMarks(FrameMark::kShared)));
+  }
+  legend.Gap();
+  const auto mark_entry = [&](const std::string& text, FrameMark mark) {
+    legend.Entry(text, [&](const Eigen::Vector2d& pixel) { DrawMarker(mark, pixel, kGray, canvas); });
+  };
+  mark_entry("keyframe, whole (all fresh)", FrameMark::kWhole);
+  mark_entry("keyframe, partial (fresh part)", FrameMark::kPartial);
+  mark_entry("shared: nothing uploaded", FrameMark::kShared);
+  legend.Entry("on a shared map", [&](const Eigen::Vector2d& pixel) {
+    canvas.Line(pixel - Eigen::Vector2d(10, 0), pixel + Eigen::Vector2d(10, 0), 9, Tint(kGray));
+    canvas.Line(pixel - Eigen::Vector2d(10, 0), pixel + Eigen::Vector2d(10, 0), 2, kGray);
+  });
+  legend.Entry("start of a session", [&](const Eigen::Vector2d& pixel) { canvas.Circle(pixel, 9, 2, kGray); });
+}
+
+/// The longest of 1, 2, 5 times a power of ten that fits `max_px`, metres.
+double ScaleBarLength(double pixels_per_m, double max_px) {
+  const double max_m = max_px / pixels_per_m;
+  const double decade = std::pow(10, std::floor(std::log10(max_m)));
+  for (const double step : {5.0, 2.0}) {
+    if (step * decade <= max_m) return step * decade;
+  }
+  return decade;
+}
+
+void DrawScaleBar(double pixels_per_m, int left_px, int bottom_px, Canvas& canvas) {
+  const double length_m = ScaleBarLength(pixels_per_m, kLegendWidthPx - 2 * kMarginPx);
+  const Eigen::Vector2d left(left_px, bottom_px);
+  const Eigen::Vector2d right(left_px + length_m * pixels_per_m, bottom_px);
+  const Eigen::Vector2d tick(0, 6);
+  canvas.Line(left, right, 2, kBlack);
+  canvas.Line(left - tick, left + tick, 2, kBlack);
+  canvas.Line(right - tick, right + tick, 2, kBlack);
+  canvas.Text(left + Eigen::Vector2d(4, -12), fmt::format("{} m", length_m), 0.5, kBlack);
+}
+
+}  // namespace
+
+StatusOr<std::string> DrawMap(const MapImageContent& content, const MapImageOptions& options) {
+  MAPP_RETURN_IF_ERROR(Validate(options));
+  const std::vector<SessionTrack> tracks = MakeTracks(content.map.frames, content.logs, content.sessions);
+  const TopView view = MakeView(content, tracks, options);
+  Canvas canvas(options.width_px, options.height_px);
+  DrawPoints(content.map.points, view, canvas);
+  for (size_t i = 0; i < tracks.size(); ++i) DrawPath(tracks[i], SessionColor(i), view, canvas);
+  for (size_t i = 0; i < tracks.size(); ++i) DrawTrack(tracks[i], SessionColor(i), view, canvas);
+
+  const int panel_left_px = options.width_px - kLegendWidthPx;
+  canvas.FillRectangle(panel_left_px, 0, kLegendWidthPx, options.height_px, kPanel);
+  DrawLegend(content, tracks, panel_left_px + kMarginPx, canvas);
+  DrawScaleBar(view.pixels_per_m(), panel_left_px + kMarginPx, options.height_px - 2 * kMarginPx, canvas);
+  return canvas.EncodePng();
+}
+
+}  // namespace mapp

@@ -1,0 +1,80 @@
+#pragma once
+
+#include "mapp/camera/camera_model.h"
+#include "mapp/geometry/pose3.h"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
+
+namespace mapp {
+
+/// What AdminService tells of maps and sessions, for the commands that print it.
+struct MapSummary {
+  uint64_t id = 0;
+  std::string name;
+  int64_t created_unix_ns = 0;
+  uint64_t revision = 0;
+  uint64_t num_frames = 0;
+  uint64_t num_points = 0;
+  uint64_t num_sessions = 0;
+  double tile_edge_m = 0;
+  double cone_range_m = 0;
+  uint64_t num_tiles = 0;      ///< only from GetMap
+  std::optional<Aabb> bounds;  ///< of the map's tiles, frame `map`; only from GetMap, absent for an empty map
+};
+
+struct SessionSummary {
+  uint64_t id = 0;
+  std::string map_name;
+  std::string device;
+  SensorKind sensor = SensorKind::kRgbd;
+  int64_t opened_unix_ns = 0;
+  int64_t closed_unix_ns = 0;          ///< 0 while it is open
+  std::optional<Pose3> T_map_session;  ///< absent while the session is a fragment of its own
+  std::optional<uint32_t> aligned_at_keyframe;
+  uint64_t num_keyframes = 0;
+  uint64_t num_upload_bytes = 0;
+};
+
+/// A keyframe that stands in the map.
+struct MapFrameSummary {
+  uint64_t session_id = 0;
+  uint32_t keyframe = 0;  ///< its number within the session, from 0
+  int64_t stamp_ns = 0;
+  Pose3 T_map_camera;
+  bool partial = false;  ///< redundancy control had removed features
+};
+
+struct MapPointSummary {
+  Eigen::Vector3d p_map = Eigen::Vector3d::Zero();  ///< metres
+  uint32_t num_observations = 0;
+  float confidence = 0;
+  uint64_t session_id = 0;  ///< that brought it
+};
+
+struct MapContent {
+  MapSummary map;
+  std::vector<MapFrameSummary> frames;
+  std::vector<MapPointSummary> points;
+};
+
+struct MethodSummary {
+  std::string method;
+  uint64_t num_calls = 0;
+  uint64_t num_errors = 0;
+  double median_ms = 0;  ///< inside the server, over its last calls
+  double p95_ms = 0;
+};
+
+struct ServerSummary {
+  std::string version;
+  uint32_t schema_version = 0;
+  int64_t started_unix_ns = 0;
+  std::vector<MethodSummary> methods;
+};
+
+}  // namespace mapp

@@ -1,0 +1,128 @@
+#include "cli/maps.h"
+
+#include "cli/admin_client.h"
+#include "cli/json_writer.h"
+#include "cli/text_table.h"
+
+#include <fmt/format.h>
+
+namespace mapp {
+namespace {
+
+void AppendFields(const MapSummary& map, JsonWriter& json) {
+  json.Field("id", map.id).Field("name", map.name).Field("created_unix_ns", map.created_unix_ns);
+  json.Field("revision", map.revision).Field("num_frames", map.num_frames).Field("num_points", map.num_points);
+  json.Field("num_sessions", map.num_sessions);
+  json.Field("tile_edge_m", map.tile_edge_m).Field("cone_range_m", map.cone_range_m);
+}
+
+void AppendPoint(const Eigen::Vector3d& p, const char* key, JsonWriter& json) {
+  json.Key(key).BeginArray().Value(p.x()).Value(p.y()).Value(p.z()).EndArray();
+}
+
+std::string FormatJson(const std::vector<MapSummary>& maps) {
+  JsonWriter json;
+  json.BeginObject().Key("maps").BeginArray();
+  for (const MapSummary& map : maps) {
+    json.BeginObject();
+    AppendFields(map, json);
+    json.EndObject();
+  }
+  json.EndArray().EndObject();
+  return std::move(json).Finish();
+}
+
+std::string FormatText(const std::vector<MapSummary>& maps) {
+  TextTable table({{"name"},
+                   {"sessions", Align::kRight},
+                   {"frames", Align::kRight},
+                   {"points", Align::kRight},
+                   {"revision", Align::kRight},
+                   {"created (UTC)"}});
+  for (const MapSummary& map : maps) {
+    table.AddRow({map.name, std::to_string(map.num_sessions), std::to_string(map.num_frames),
+                  std::to_string(map.num_points), std::to_string(map.revision), FormatUnixTime(map.created_unix_ns)});
+  }
+  return table.Format();
+}
+
+std::string FormatJson(const MapSummary& map) {
+  JsonWriter json;
+  json.BeginObject();
+  AppendFields(map, json);
+  json.Field("num_tiles", map.num_tiles).Key("bounds_m");
+  if (map.bounds) {
+    json.BeginObject();
+    AppendPoint(map.bounds->min(), "min", json);
+    AppendPoint(map.bounds->max(), "max", json);
+    json.EndObject();
+  } else {
+    json.Null();
+  }
+  json.EndObject();
+  return std::move(json).Finish();
+}
+
+std::string FormatText(const MapSummary& map) {
+  TextTable table({{"map"}, {map.name}});
+  table.AddRow({"id", std::to_string(map.id)});
+  table.AddRow({"created (UTC)", FormatUnixTime(map.created_unix_ns)});
+  table.AddRow({"revision", std::to_string(map.revision)});
+  table.AddRow({"sessions", std::to_string(map.num_sessions)});
+  table.AddRow({"frames", std::to_string(map.num_frames)});
+  table.AddRow({"points", std::to_string(map.num_points)});
+  table.AddRow({"tiles", fmt::format("{} of {} m", map.num_tiles, map.tile_edge_m)});
+  table.AddRow({"view cone range", fmt::format("{} m", map.cone_range_m)});
+  if (map.bounds) {
+    const Eigen::Vector3d size = map.bounds->sizes();
+    table.AddRow({"extent", fmt::format("{:.1f} x {:.1f} x {:.1f} m", size.x(), size.y(), size.z())});
+  }
+  return table.Format();
+}
+
+/// OK when the map may be deleted.
+Status Confirm(const MapsDeleteOptions& options, const MapSummary& map, std::istream& in, std::ostream& out) {
+  if (options.yes) return absl::OkStatus();
+  if (!options.interactive) {
+    return absl::FailedPreconditionError("deleting a map needs --yes when nobody can be asked");
+  }
+  out << fmt::format("Delete map {} with {} sessions, {} frames and {} points? [y/N] ", map.name, map.num_sessions,
+                     map.num_frames, map.num_points)
+      << std::flush;
+  std::string answer;
+  std::getline(in, answer);
+  if (answer == "y" || answer == "Y" || answer == "yes") return absl::OkStatus();
+  return absl::CancelledError("nothing was deleted");
+}
+
+}  // namespace
+
+Status RunMapsList(const MapsListOptions& options, std::ostream& out) {
+  MAPP_ASSIGN_OR_RETURN(const std::vector<MapSummary> maps, AdminClient(options.server).ListMaps());
+  out << (options.json ? FormatJson(maps) : FormatText(maps));
+  return absl::OkStatus();
+}
+
+Status RunMapsShow(const MapsShowOptions& options, std::ostream& out) {
+  MAPP_ASSIGN_OR_RETURN(const MapSummary map, AdminClient(options.server).GetMap(options.name));
+  out << (options.json ? FormatJson(map) : FormatText(map));
+  return absl::OkStatus();
+}
+
+Status RunMapsDelete(const MapsDeleteOptions& options, std::istream& in, std::ostream& out) {
+  AdminClient client(options.server);
+  MAPP_ASSIGN_OR_RETURN(const MapSummary map, client.GetMap(options.name));
+  MAPP_RETURN_IF_ERROR(Confirm(options, map, in, out));
+  MAPP_ASSIGN_OR_RETURN(const auto deleted, client.DeleteMap(options.name, options.force));
+  if (options.json) {
+    JsonWriter json;
+    json.BeginObject().Field("name", options.name);
+    json.Field("num_frames", deleted.first).Field("num_points", deleted.second).EndObject();
+    out << std::move(json).Finish();
+  } else {
+    out << fmt::format("deleted {}: {} frames, {} points\n", options.name, deleted.first, deleted.second);
+  }
+  return absl::OkStatus();
+}
+
+}  // namespace mapp

@@ -1,0 +1,48 @@
+#pragma once
+
+#include "mapp/base/status.h"
+#include "mapp/client/participant.h"
+
+#include <chrono>
+#include <optional>
+#include <ostream>
+#include <stop_token>
+#include <string>
+
+namespace mapp {
+
+enum class ReplayRate {
+  kMax,   ///< the next frame as soon as everything the last one caused is done, here and at the server: repeatable
+  kReal,  ///< frames at their recorded times, as a device would see them
+};
+
+/// Ground truth and estimated trajectory of the map's first session, both TUM files.
+struct AlignBy {
+  std::string truth_file;
+  std::string trajectory_file;
+};
+
+struct ReplayOptions {
+  std::string server;
+  std::string map_name;
+  std::string device;
+  std::string sequence;  ///< as OpenSequenceSource takes it
+  UploadPolicy policy = UploadPolicy::kMap;
+  ReplayRate rate = ReplayRate::kMax;
+  std::optional<AlignBy> align_by;
+  /// TUM, T_map_camera once aligned, else T_session_camera as the file's first line says; empty: none.
+  std::string trajectory_file;
+  std::string truth_file;   ///< the sequence's ground truth as TUM, where it has one; empty: none
+  std::string frames_file;  ///< frame log for `mapp render`, only of an aligned session; empty: none
+  std::string json_file;    ///< the report as JSON, `-` for standard output; empty: none
+  /// How long one frame's consequences, or closing the session, may take.
+  std::chrono::milliseconds patience{120'000};
+};
+
+/// `mapp replay`: plays a sequence through the built-in tracker against a server, closes the session and reports.
+/// A stop request ends it after the frame under way: the session is closed, the report written, and the answer is
+/// CANCELLED. So is a sequence that breaks off at a broken image, whose error is then the answer.
+/// INVALID_ARGUMENT: a sensor the tracker cannot use, or files that do not parse.
+Status RunReplay(const ReplayOptions& options, std::stop_token stop, std::ostream& out);
+
+}  // namespace mapp

@@ -1,0 +1,62 @@
+#pragma once
+
+#include <cstdint>
+#include <optional>
+#include <string>
+
+namespace mapp {
+
+/// What `mapp replay` reports of one session. The names are those of the JSON keys.
+///
+/// A device on a shared map makes no keyframes, so figures "per keyframe" divide by all moments at which it mapped or,
+/// mapping for itself, would have: `keyframes` + `keyframe_equivalents`. `full_bytes` counts what `upload_all` would
+/// have sent at each of them.
+struct ReplayReport {
+  std::string sequence;
+  std::string map;
+  std::string device;
+  std::string policy;
+  uint64_t session_id = 0;
+  bool interrupted = false;  ///< ended by a signal before the last frame
+  double duration_s = 0;     ///< from the first frame to the closed session
+
+  uint64_t frames = 0;          ///< played
+  uint64_t frames_tracked = 0;  ///< with a pose
+  uint64_t frames_on_shared_map = 0;
+  uint64_t keyframes = 0;                       ///< made by the device
+  uint64_t keyframe_equivalents = 0;            ///< frames on a shared map at which it would have made one
+  uint64_t keyframes_uploaded = 0;              ///< acknowledged by the server
+  uint64_t keyframes_dropped = 0;               ///< never sent: the queue was full
+  std::optional<uint32_t> aligned_at_keyframe;  ///< 0 for the session that founds the map
+  std::optional<double> overlap_mean;           ///< over answered queries, by the device's own count
+
+  uint64_t upload_bytes = 0;  ///< keyframes and update reports, retries included
+  uint64_t full_bytes = 0;
+  uint64_t query_bytes = 0;  ///< the largest query
+  std::optional<double> response_bytes_mean;
+  uint64_t download_bytes = 0;  ///< shared maps
+  uint64_t shared_map_requests = 0;
+  uint64_t sharing_failures = 0;  ///< localisation failures on a shared map
+  uint64_t update_reports = 0;
+  uint64_t retries = 0;
+
+  double tracking_ms_p50 = 0;
+  double tracking_ms_p95 = 0;
+  double local_mapping_ms_total = 0;
+
+  /// Absolute trajectory error after the best rigid alignment, metres; absent without ground truth.
+  std::optional<double> ate_m;
+  /// The same under the alignment of the map's first session; absent without --align-by or when never aligned.
+  std::optional<double> ate_joint_m;
+
+  std::optional<double> UploadBytesPerKeyframe() const;
+  std::optional<double> FullBytesPerKeyframe() const;
+  /// upload_bytes / full_bytes.
+  std::optional<double> UploadShare() const;
+};
+
+std::string FormatJson(const ReplayReport& report);
+/// A table of the same keys for people; 52 columns wide at most, so that two stand side by side.
+std::string FormatText(const ReplayReport& report);
+
+}  // namespace mapp

@@ -1,0 +1,70 @@
+#include "cli/replay_report.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <algorithm>
+#include <sstream>
+
+namespace mapp {
+namespace {
+
+using testing::HasSubstr;
+
+ReplayReport SecondDevice() {
+  ReplayReport report;
+  report.device = "second";
+  report.frames = 50;
+  report.frames_tracked = 49;
+  report.frames_on_shared_map = 30;
+  report.keyframes = 4;
+  report.keyframe_equivalents = 6;
+  report.aligned_at_keyframe = 3;
+  report.upload_bytes = 80'000;
+  report.full_bytes = 400'000;
+  report.ate_joint_m = 0.031;
+  return report;
+}
+
+TEST(ReplayReportTest, CountsSharedFramesAsKeyframesInFiguresPerKeyframe) {
+  EXPECT_DOUBLE_EQ(SecondDevice().UploadBytesPerKeyframe().value(), 8'000);
+  EXPECT_DOUBLE_EQ(SecondDevice().FullBytesPerKeyframe().value(), 40'000);
+  EXPECT_DOUBLE_EQ(SecondDevice().UploadShare().value(), 0.2);
+}
+
+TEST(ReplayReportTest, HasNoFigurePerKeyframeWithoutKeyframes) {
+  EXPECT_FALSE(ReplayReport().UploadBytesPerKeyframe().has_value());
+  EXPECT_FALSE(ReplayReport().UploadShare().has_value());
+}
+
+TEST(ReplayReportTest, JsonHasEveryPromisedKey) {
+  const std::string json = FormatJson(SecondDevice());
+  for (const char* key :
+       {"frames", "frames_tracked", "keyframes", "aligned_at_keyframe", "overlap_mean", "upload_bytes_per_keyframe",
+        "full_bytes_per_keyframe", "query_bytes", "response_bytes_mean", "download_bytes", "shared_map_requests",
+        "frames_on_shared_map", "tracking_ms", "p50", "p95", "local_mapping_ms_total", "ate_m", "ate_joint_m"}) {
+    EXPECT_THAT(json, HasSubstr(fmt::format("\"{}\": ", key)));
+  }
+  EXPECT_THAT(json, HasSubstr("\"aligned_at_keyframe\": 3"));
+  EXPECT_THAT(json, HasSubstr("\"ate_m\": null"));
+}
+
+TEST(ReplayReportTest, JsonTellsAFounderFromASessionThatWasNeverAligned) {
+  ReplayReport report;
+  EXPECT_THAT(FormatJson(report), HasSubstr("\"aligned_at_keyframe\": null"));
+  report.aligned_at_keyframe = 0;
+  EXPECT_THAT(FormatJson(report), HasSubstr("\"aligned_at_keyframe\": 0"));
+}
+
+TEST(ReplayReportTest, TwoTablesFitSideBySide) {
+  ReplayReport report = SecondDevice();
+  report.tracking_ms_p50 = 1234.5;
+  report.tracking_ms_p95 = 12345.6;
+  report.interrupted = true;
+  std::istringstream text(FormatText(report));
+  for (std::string line; std::getline(text, line);) EXPECT_LE(line.size(), 52) << line;
+}
+
+}  // namespace
+}  // namespace mapp

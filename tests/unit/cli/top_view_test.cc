@@ -1,0 +1,85 @@
+#include "cli/top_view.h"
+
+#include <gtest/gtest.h>
+
+#include <cmath>
+#include <numbers>
+
+namespace mapp {
+namespace {
+
+constexpr double kPi = std::numbers::pi;
+
+/// Cameras on a circle in a level world whose up is `R_map_level * (-y)`, each turned by `yaw_range` in all and
+/// pitched.
+std::vector<Pose3> Cameras(const Eigen::Quaterniond& R_map_level, double yaw_range, double pitch) {
+  std::vector<Pose3> cameras;
+  for (int i = 0; i < 20; ++i) {
+    const double yaw = yaw_range * i / 20;
+    const Eigen::Quaterniond R_level_camera =
+        Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitY()) * Eigen::AngleAxisd(-pitch, Eigen::Vector3d::UnitX());
+    const Eigen::Vector3d p_level(std::cos(yaw), 0, std::sin(yaw));
+    cameras.push_back(Pose3(R_map_level * R_level_camera, R_map_level * p_level));
+  }
+  return cameras;
+}
+
+double AngleBetween(const Eigen::Vector3d& a, const Eigen::Vector3d& b) {
+  return std::acos(std::clamp(a.normalized().dot(b.normalized()), -1.0, 1.0));
+}
+
+TEST(EstimateUpTest, FindsUpWhateverThePitchOfCamerasThatTurn) {
+  const Eigen::Quaterniond R_map_level(Eigen::AngleAxisd(1.1, Eigen::Vector3d(1, 2, -1).normalized()));
+  for (const double pitch_deg : {-30, 0, 20, 45}) {
+    const auto cameras = Cameras(R_map_level, kPi, pitch_deg * kPi / 180);
+    EXPECT_LT(AngleBetween(EstimateUp(cameras), R_map_level * -Eigen::Vector3d::UnitY()), 2 * kPi / 180)
+        << "pitch " << pitch_deg;
+  }
+}
+
+TEST(EstimateUpTest, TakesTheCamerasOwnUpWhenTheyNeverTurn) {
+  const auto cameras = Cameras(Eigen::Quaterniond::Identity(), 0, 0.2);
+  EXPECT_LT(AngleBetween(EstimateUp(cameras), -Eigen::Vector3d::UnitY()), 0.2 + 1e-6);
+}
+
+TEST(TopViewTest, FitsTheSceneIntoTheViewportAndLeavesStrayPointsOut) {
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i <= 200; ++i) points.push_back({-10 + 0.1 * i, 0, i % 2 == 0 ? -3.0 : 3.0});
+  points.push_back({5000, 0, 0});
+  const TopView view(Cameras(Eigen::Quaterniond::Identity(), kPi, 0), points, {100, 50, 800, 400});
+  for (const Eigen::Vector3d& p : points) {
+    const Eigen::Vector2d pixel = view.ToPixel(p);
+    if (p.x() > 100) continue;
+    EXPECT_GE(pixel.x(), 100);
+    EXPECT_LE(pixel.x(), 900);
+    EXPECT_GE(pixel.y(), 50);
+    EXPECT_LE(pixel.y(), 450);
+  }
+  EXPECT_GT(view.pixels_per_m(), 25) << "the stray point must not shrink the view";
+}
+
+TEST(TopViewTest, IsNotMirrored) {
+  const TopView view(Cameras(Eigen::Quaterniond::Identity(), kPi, 0), {{0, 0, 0}, {4, 0, 0}, {0, 0, 1}},
+                     {0, 0, 400, 200});
+  const Eigen::Vector2d origin = view.ToPixel({0, 0, 0});
+  const Eigen::Vector2d right = view.ToPixel({1, 0, 0}) - origin;
+  const Eigen::Vector2d ahead = view.ToPixel({0, 0, 1}) - origin;
+  // From above, with up = -y, what lies to the right (x) of someone looking along z is clockwise of z: in an image
+  // with y down, cross(ahead, right) > 0.
+  EXPECT_GT(ahead.x() * right.y() - ahead.y() * right.x(), 0);
+  EXPECT_NEAR(right.norm(), view.pixels_per_m(), 1e-9);
+}
+
+TEST(TopViewTest, HeightGrowsUpwards) {
+  const TopView view(Cameras(Eigen::Quaterniond::Identity(), kPi, 0), {}, {0, 0, 100, 100});
+  EXPECT_GT(view.Height({0, -1, 0}), view.Height({0, 1, 0}));
+}
+
+TEST(TopViewTest, ShowsASingleCameraWithoutDividingByZero) {
+  const TopView view({Pose3()}, {}, {0, 0, 100, 100});
+  EXPECT_TRUE(view.ToPixel({0, 0, 0}).allFinite());
+  EXPECT_GT(view.pixels_per_m(), 0);
+}
+
+}  // namespace
+}  // namespace mapp
