@@ -1,10 +1,10 @@
 #pragma once
 
-#include <memory>
-#include <optional>
-
 #include "mapp/client/orb_tracker.h"
 #include "mapp/client/participant.h"
+
+#include <memory>
+#include <optional>
 
 namespace mapp {
 

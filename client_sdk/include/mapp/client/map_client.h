@@ -1,5 +1,12 @@
 #pragma once
 
+#include "mapp/base/id.h"
+#include "mapp/base/status.h"
+#include "mapp/camera/camera_model.h"
+#include "mapp/codec/query_codec.h"
+#include "mapp/map/keyframe.h"
+#include "mapp/map/tile.h"
+
 #include <chrono>
 #include <cstdint>
 #include <functional>
@@ -9,27 +16,23 @@
 #include <variant>
 #include <vector>
 
-#include "mapp/base/id.h"
-#include "mapp/base/status.h"
-#include "mapp/camera/camera_model.h"
-#include "mapp/codec/query_codec.h"
-#include "mapp/map/keyframe.h"
-#include "mapp/map/tile.h"
-
 namespace mapp {
 
 struct MapClientOptions {
   std::string server_address = "127.0.0.1:7878";  ///< host:port
-  std::chrono::milliseconds call_timeout{5000};   ///< deadline of each attempt
+  std::chrono::milliseconds call_timeout{5000};   ///< deadline of each attempt; shared maps have four times as long
   /// Transient failures (UNAVAILABLE, DEADLINE_EXCEEDED) of idempotent calls are tried again with doubling, jittered
   /// pauses from `first_backoff` to `max_backoff` until `retry_for` has passed.
   std::chrono::milliseconds first_backoff{50};
   std::chrono::milliseconds max_backoff{2000};
   std::chrono::milliseconds retry_for{30000};
-  Status Validate() const;
+  Status Validate() const;  ///< Names the first field out of range.
 };
 
-/// Bytes of serialised messages by kind, both ways, retries included.
+/// Whether a call waits for a server that is away, as MapClientOptions says, or gives up after one attempt.
+enum class Patience { kRetry, kOneAttempt };
+
+/// Bytes of serialised messages by kind, both ways, retries included; the counts are of calls, not of attempts.
 struct TrafficCounters {
   uint64_t query_bytes = 0;
   uint64_t num_queries = 0;
@@ -55,6 +58,11 @@ struct ClientUpload {
   FrameId frame;
   bool already_stored = false;
   std::optional<Pose3> T_map_session;
+};
+/// A tile that the device has, so that the server need not send it again.
+struct ClientHeldTile {
+  TileKey key;
+  Revision revision;
 };
 struct ClientSharedMap {
   std::vector<Tile> tiles;
@@ -85,7 +93,11 @@ struct OptimizedEvent {
   double initial_rmse_px = 0;
   double final_rmse_px = 0;
 };
-using ClientEvent = std::variant<AlignmentTriedEvent, AlignedEvent, CorrectedEvent, TilesChangedEvent, OptimizedEvent>;
+/// The stream stands (again): what happens from now on is told; what happened before may have been missed, but for the
+/// present alignment, which comes just before this.
+struct WatchStartedEvent {};
+using ClientEvent = std::variant<AlignmentTriedEvent, AlignedEvent, CorrectedEvent, TilesChangedEvent, OptimizedEvent,
+                                 WatchStartedEvent>;
 
 /// The protocol of mapp.v1 with deadlines and retries. Thread-safe. Calls block; keep them off the tracking thread
 /// (Participant does). Errors carry the server's code and message.
@@ -94,18 +106,25 @@ class MapClient {
   static StatusOr<std::unique_ptr<MapClient>> Create(const MapClientOptions& options);
   ~MapClient();
 
+  /// Not idempotent: tried again only while the server is UNAVAILABLE. Should it have opened a session all the same,
+  /// that one stays empty and harms nobody.
   StatusOr<ClientSession> OpenSession(const std::string& map_name, const std::string& device, SensorKind sensor,
                                       const Camera& camera, bool create_map);
-  /// One entry per sample.
+  /// One entry per sample. `num_samples`: K of the query, which is also the number of samples drawn from the view.
   StatusOr<std::vector<bool>> AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
                                             size_t num_samples);
   StatusOr<ClientUpload> UploadKeyframe(const std::string& packet);
   StatusOr<ClientSharedMap> RequestSharedMap(SessionId session, uint32_t keyframe, const ViewQuery& view,
-                                             double oversharing, double overlap, const std::vector<Tile>& held_tiles);
-  StatusOr<ClientUpdateVerdict> ReportUpdate(SessionId session, const std::vector<std::string>& packets);
+                                             double oversharing, double overlap,
+                                             const std::vector<ClientHeldTile>& held_tiles,
+                                             Patience patience = Patience::kRetry);
+  StatusOr<ClientUpdateVerdict> ReportUpdate(SessionId session, const std::vector<std::string>& packets,
+                                             Patience patience = Patience::kRetry);
   /// Number of keyframes the server holds of the session, and whether an optimisation follows.
   StatusOr<std::pair<uint64_t, bool>> CloseSession(SessionId session);
-  /// Calls `on_event` from a thread of its own until the returned handle is destroyed; reconnects by itself.
+  /// Calls `on_event` from a thread of its own until the returned handle is destroyed, which waits for a call under
+  /// way; reconnects by itself. Ends early only when the server says that it will never answer (no such session). The
+  /// handle must not outlive the client.
   std::unique_ptr<class WatchHandle> WatchSession(SessionId session, std::function<void(const ClientEvent&)> on_event);
 
   /// Ends waits between retries and calls under way; later calls give CANCELLED. For shutting down.

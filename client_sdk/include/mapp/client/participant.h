@@ -1,17 +1,17 @@
 #pragma once
 
-#include <chrono>
-#include <cstdint>
-#include <memory>
-#include <optional>
-#include <string>
-
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/client/map_client.h"
 #include "mapp/client/slam_adapter.h"
 #include "mapp/map/keyframe.h"
 #include "mapp/view/sampler.h"
+
+#include <chrono>
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <string>
 
 namespace mapp {
 
@@ -29,10 +29,10 @@ struct ParticipantOptions {
   UploadPolicy policy = UploadPolicy::kMap;
   Injection injection = Injection::kOften;
   SamplerKind sampler = SamplerKind::kDepthSketch;
-  int num_samples = 1000;       ///< K; range [1, 1000]
-  double seen_overlap = 0.9;    ///< T_seen; range (0, 1]
-  double oversharing = 1.3;     ///< alpha; range [1, 4]
-  int max_shared_map_tries = 2; ///< f of algorithm 1
+  int num_samples = 1000;        ///< K; range [1, 1000]
+  double seen_overlap = 0.9;     ///< T_seen; range (0, 1]
+  double oversharing = 1.3;      ///< alpha; range [1, 4]
+  int max_shared_map_tries = 2;  ///< f of algorithm 1
   /// Keyframes waiting for the server; beyond it the oldest is dropped and counted.
   size_t max_queued_keyframes = 200;
   Status Validate() const;
@@ -41,13 +41,16 @@ struct ParticipantOptions {
 enum class ParticipantState { kRegistering, kExpanding, kSharing, kClosed };
 
 struct ParticipantStats {
-  uint64_t num_keyframes = 0;           ///< handed in
-  uint64_t num_uploaded = 0;            ///< acknowledged by the server
-  uint64_t num_dropped = 0;             ///< for want of room in the queue
+  uint64_t num_keyframes = 0;  ///< handed in
+  uint64_t num_uploaded = 0;   ///< acknowledged by the server
+  uint64_t num_dropped = 0;    ///< for want of room in the queue
+  uint64_t num_skipped = 0;    ///< not sent, because the map knows all of it
+  uint64_t num_rejected = 0;   ///< refused for good, by the server or for being malformed
+  std::string last_error;      ///< of the latest call that failed for good; empty when none did
   std::optional<uint32_t> aligned_at_keyframe;
-  double overlap_sum = 0;               ///< over answered queries, by the device's own count
+  double overlap_sum = 0;  ///< over answered queries, by the device's own count
   uint64_t num_overlaps = 0;
-  uint64_t full_bytes = 0;              ///< what upload_all would have sent for the keyframes handed in
+  uint64_t full_bytes = 0;  ///< what upload_all would have sent for the keyframes handed in
   uint64_t num_sharing_failures = 0;
   uint64_t num_update_reports = 0;
   TrafficCounters traffic;
@@ -58,12 +61,15 @@ struct ParticipantStats {
 class Participant {
  public:
   /// Opens the session. `adapter` must outlive the participant and may be null with kUploadAll.
+  /// Waits until the server tells of the session's events, so that none is missed. UNAVAILABLE, DEADLINE_EXCEEDED: the
+  /// server cannot be reached.
   static StatusOr<std::unique_ptr<Participant>> Open(const MapClientOptions& client_options,
                                                      const ParticipantOptions& options, const Camera& camera,
                                                      SensorKind sensor, SlamAdapter* adapter);
   ~Participant();  ///< Drops what is queued; call Close to send it.
 
-  /// A new whole keyframe, pose T_session_camera, features with points. Queued; returns at once.
+  /// A new whole keyframe, pose T_session_camera, features with points. `number` grows from keyframe to keyframe.
+  /// Queued; returns at once. On the wire the numbers run on after keyframes that OnSharedMapFrame handed in.
   void OnKeyframe(Keyframe keyframe);
   /// How a frame fared on the shared map; a failure resumes queries (algorithm 1). `last_keyframe` makes the whole
   /// keyframe of that frame and is called, on this thread, only when it failed.
@@ -77,6 +83,7 @@ class Participant {
   /// DEADLINE_EXCEEDED when that takes longer.
   Status WaitIdle(std::chrono::milliseconds timeout);
   /// Sends what is queued, closes the session and, with `wait_for_optimization`, waits for the optimisation to end.
+  /// Keyframes handed in from now on are dropped. DEADLINE_EXCEEDED says what is still to be done; call again.
   Status Close(std::chrono::milliseconds timeout, bool wait_for_optimization);
   ParticipantStats stats() const;
 

@@ -1,0 +1,88 @@
+#include "mapp/client/device.h"
+
+#include "mapp/codec/keyframe_codec.h"
+
+#include <utility>
+
+namespace mapp {
+
+struct Device::Impl {
+  std::unique_ptr<OrbTracker> tracker;
+  std::unique_ptr<Participant> participant;  // ends first: it calls the tracker
+  uint64_t num_keyframe_equivalents = 0;
+  uint64_t keyframe_equivalent_bytes = 0;
+
+  /// Hands the keyframes that local mapping has finished to the participant.
+  void HandOverKeyframes() {
+    for (Keyframe& keyframe : tracker->TakeKeyframes()) participant->OnKeyframe(std::move(keyframe));
+  }
+
+  void ReportSharedMapFrame(const TrackingResult& result) {
+    const SharedMapFrame frame{.shared_map_number = result.shared_map_number,
+                               .num_matches = result.num_shared_matches,
+                               .localized = result.on_shared_map,
+                               .T_session_camera = result.T_session_camera};
+    participant->OnSharedMapFrame(frame, [this] { return tracker->MakeKeyframeOfLastFrame(); });
+  }
+
+  void CountKeyframeEquivalent() {
+    const std::optional<Keyframe> keyframe = tracker->MakeKeyframeOfLastFrame();
+    if (!keyframe) return;
+    ++num_keyframe_equivalents;
+    keyframe_equivalent_bytes += EncodeKeyframe(*keyframe).size();
+  }
+};
+
+StatusOr<std::unique_ptr<Device>> Device::Open(std::unique_ptr<OrbTracker> tracker,
+                                               const MapClientOptions& client_options,
+                                               const ParticipantOptions& options) {
+  if (tracker == nullptr) return absl::InvalidArgumentError("tracker: must be given");
+  auto impl = std::make_unique<Impl>();
+  impl->tracker = std::move(tracker);
+  MAPP_ASSIGN_OR_RETURN(impl->participant, Participant::Open(client_options, options, impl->tracker->camera(),
+                                                             impl->tracker->sensor(), impl->tracker.get()));
+  return std::unique_ptr<Device>(new Device(std::move(impl)));
+}
+
+Device::Device(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+Device::~Device() = default;
+
+StatusOr<DevicePose> Device::Track(const TrackerFrame& frame) {
+  DevicePose pose;
+  MAPP_ASSIGN_OR_RETURN(pose.tracking, impl_->tracker->Track(frame));
+  impl_->HandOverKeyframes();
+  if (pose.tracking.shared_map_number > 0) impl_->ReportSharedMapFrame(pose.tracking);
+  if (pose.tracking.would_be_keyframe) impl_->CountKeyframeEquivalent();
+  const std::optional<Pose3> T_map_session = impl_->participant->T_map_session();
+  if (T_map_session && pose.tracking.state == TrackingState::kTracking) {
+    pose.T_map_camera = *T_map_session * pose.tracking.T_session_camera;
+  }
+  return pose;
+}
+
+Status Device::WaitIdle(std::chrono::milliseconds timeout) {
+  impl_->tracker->WaitForLocalMapping();
+  impl_->HandOverKeyframes();
+  return impl_->participant->WaitIdle(timeout);
+}
+
+Status Device::Close(std::chrono::milliseconds timeout, bool wait_for_optimization) {
+  impl_->tracker->WaitForLocalMapping();
+  impl_->HandOverKeyframes();
+  return impl_->participant->Close(timeout, wait_for_optimization);
+}
+
+std::optional<std::vector<TrajectoryPose>> Device::TrajectoryInMap() const {
+  const std::optional<Pose3> T_map_session = impl_->participant->T_map_session();
+  if (!T_map_session) return std::nullopt;
+  std::vector<TrajectoryPose> trajectory = impl_->tracker->Trajectory();
+  for (TrajectoryPose& pose : trajectory) pose.T_session_camera = *T_map_session * pose.T_session_camera;
+  return trajectory;
+}
+
+const OrbTracker& Device::tracker() const { return *impl_->tracker; }
+const Participant& Device::participant() const { return *impl_->participant; }
+uint64_t Device::num_keyframe_equivalents() const { return impl_->num_keyframe_equivalents; }
+uint64_t Device::keyframe_equivalent_bytes() const { return impl_->keyframe_equivalent_bytes; }
+
+}  // namespace mapp

@@ -1,0 +1,285 @@
+#include "mapp/client/map_client.h"
+
+#include "api/convert/convert.h"
+#include "api/status/grpc_status.h"
+#include "call_control.h"
+#include "mapp/codec/tile_codec.h"
+#include "mapp/v1/map_service.grpc.pb.h"
+#include "watch_thread.h"
+
+#include <fmt/format.h>
+#include <grpcpp/channel.h>
+#include <grpcpp/create_channel.h>
+
+#include <algorithm>
+#include <random>
+#include <set>
+
+namespace mapp {
+namespace {
+
+using std::chrono::milliseconds;
+using std::chrono::steady_clock;
+
+/// A shared map is a stream of many messages: its deadline in units of the other calls'.
+constexpr int kStreamTimeoutFactor = 4;
+/// A tile of the densest map: 8 m full of points is some megabytes.
+constexpr int kMaxMessageBytes = 64 << 20;
+
+/// Which failures a call is tried again after.
+enum class RetryOn { kTransient, kUnavailable, kNothing };
+
+bool ShouldRetry(const Status& status, RetryOn retry_on) {
+  if (retry_on == RetryOn::kNothing) return false;
+  if (absl::IsUnavailable(status)) return true;
+  return retry_on == RetryOn::kTransient && absl::IsDeadlineExceeded(status);
+}
+
+RetryOn ForPatience(Patience patience) {
+  return patience == Patience::kRetry ? RetryOn::kTransient : RetryOn::kNothing;
+}
+
+grpc::ChannelArguments ChannelArguments() {
+  grpc::ChannelArguments arguments;
+  arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
+  // The retries here decide when to try again; the channel's own pauses must not outlast them.
+  arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 1000);
+  arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
+  // Tells a watcher within a minute that its server has vanished without a word.
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
+  arguments.SetInt(GRPC_ARG_KEEPALIVE_TIMEOUT_MS, 10'000);
+  arguments.SetInt(GRPC_ARG_USE_LOCAL_SUBCHANNEL_POOL, 1);
+  return arguments;
+}
+
+uint32_t ToWire(SessionId session) { return static_cast<uint32_t>(session.value()); }
+
+StatusOr<ClientUpdateVerdict> FromProto(v1::UpdateVerdict verdict) {
+  switch (verdict) {
+    case v1::UPDATE_VERDICT_NONE:
+      return ClientUpdateVerdict::kNone;
+    case v1::UPDATE_VERDICT_EXPANSION:
+      return ClientUpdateVerdict::kExpansion;
+    case v1::UPDATE_VERDICT_UPDATING:
+      return ClientUpdateVerdict::kUpdating;
+    default:
+      return absl::InternalError(fmt::format("unknown verdict {}", static_cast<int>(verdict)));
+  }
+}
+
+}  // namespace
+
+Status MapClientOptions::Validate() const {
+  const auto check = [](bool good, const std::string& what) -> Status {
+    return good ? absl::OkStatus() : absl::InvalidArgumentError(what);
+  };
+  MAPP_RETURN_IF_ERROR(check(!server_address.empty(), "server_address: must be HOST:PORT"));
+  MAPP_RETURN_IF_ERROR(check(call_timeout.count() > 0, "call_timeout: must be positive"));
+  MAPP_RETURN_IF_ERROR(check(first_backoff.count() > 0, "first_backoff: must be positive"));
+  MAPP_RETURN_IF_ERROR(check(max_backoff >= first_backoff, "max_backoff: must be at least first_backoff"));
+  return check(retry_for.count() >= 0, "retry_for: must not be negative");
+}
+
+struct MapClient::Impl {
+  explicit Impl(const MapClientOptions& o)
+      : options(o),
+        channel(grpc::CreateCustomChannel(o.server_address, grpc::InsecureChannelCredentials(), ChannelArguments())),
+        stub(v1::MapService::NewStub(channel)) {}
+
+  using Stub = v1::MapService::StubInterface;
+  using Attempt = std::function<Status(grpc::ClientContext&)>;
+
+  /// Runs `attempt`, again after failures that `retry_on` names, until options.retry_for has passed.
+  Status Run(RetryOn retry_on, milliseconds attempt_timeout, const Attempt& attempt);
+
+  /// As Run, for a unary call; `count_attempt` sees the counters once per attempt.
+  template <typename Request, typename Response>
+  Status Unary(grpc::Status (Stub::*method)(grpc::ClientContext*, const Request&, Response*), const Request& request,
+               Response& response, RetryOn retry_on, const std::function<void(TrafficCounters&)>& count_attempt) {
+    return Run(retry_on, options.call_timeout, [&](grpc::ClientContext& context) {
+      Count(count_attempt);
+      return FromGrpcStatus((*stub.*method)(&context, request, &response));
+    });
+  }
+
+  Backoff NewBackoff() { return {options.first_backoff, options.max_backoff, std::random_device()()}; }
+
+  void Count(const std::function<void(TrafficCounters&)>& change) {
+    if (!change) return;
+    MutexLock lock(mutex);
+    change(traffic);
+  }
+
+  const MapClientOptions options;
+  const std::shared_ptr<grpc::Channel> channel;
+  const std::unique_ptr<v1::MapService::Stub> stub;
+  CallControl control;
+  Mutex mutex;
+  TrafficCounters traffic ABSL_GUARDED_BY(mutex);
+};
+
+Status MapClient::Impl::Run(RetryOn retry_on, milliseconds attempt_timeout, const Attempt& attempt) {
+  const auto give_up = steady_clock::now() + options.retry_for;
+  Backoff backoff = NewBackoff();
+  while (true) {
+    grpc::ClientContext context;
+    context.set_deadline(std::chrono::system_clock::now() + attempt_timeout);
+    Status status;
+    {
+      const CallControl::Registration registration(control, context);
+      status = attempt(context);
+    }
+    if (status.ok()) return status;
+    if (control.cancelled()) return absl::CancelledError("the client was shut down");
+    const milliseconds pause = backoff.Next();
+    if (!ShouldRetry(status, retry_on) || steady_clock::now() + pause > give_up) {
+      return absl::IsUnavailable(status) ? Annotate(status, "server " + options.server_address) : status;
+    }
+    if (!control.Pause(pause)) return absl::CancelledError("the client was shut down");
+    Count([](TrafficCounters& counters) { ++counters.num_retries; });
+  }
+}
+
+StatusOr<std::unique_ptr<MapClient>> MapClient::Create(const MapClientOptions& options) {
+  MAPP_RETURN_IF_ERROR(options.Validate());
+  return std::unique_ptr<MapClient>(new MapClient(std::make_unique<Impl>(options)));
+}
+
+MapClient::MapClient(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
+MapClient::~MapClient() { impl_->control.Cancel(); }
+
+StatusOr<ClientSession> MapClient::OpenSession(const std::string& map_name, const std::string& device,
+                                               SensorKind sensor, const Camera& camera, bool create_map) {
+  v1::OpenSessionRequest request;
+  request.set_map_name(map_name);
+  request.set_device(device);
+  request.set_sensor(ToProto(sensor));
+  *request.mutable_camera() = ToProto(camera);
+  request.set_create_map(create_map);
+  v1::OpenSessionResponse response;
+  MAPP_RETURN_IF_ERROR(impl_->Unary(&Impl::Stub::OpenSession, request, response, RetryOn::kUnavailable, {}));
+  return ClientSession{.id = SessionId(response.session_id()),
+                       .map = MapId(response.map_id()),
+                       .cone_range_m = response.cone_range_m(),
+                       .tile_edge_m = response.tile_edge_m(),
+                       .max_keyframe_bytes = response.max_keyframe_bytes()};
+}
+
+StatusOr<std::vector<bool>> MapClient::AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
+                                                     size_t num_samples) {
+  v1::AssessOverlapRequest request;
+  request.set_session_id(ToWire(session));
+  request.set_keyframe(keyframe);
+  request.set_view(EncodeViewQuery(view));
+  request.set_num_samples(static_cast<uint32_t>(num_samples));
+  const uint64_t query_bytes = request.ByteSizeLong();
+  v1::AssessOverlapResponse response;
+  MAPP_RETURN_IF_ERROR(
+      impl_->Unary(&Impl::Stub::AssessOverlap, request, response, RetryOn::kTransient, [&](TrafficCounters& counters) {
+        counters.query_bytes += query_bytes;
+        counters.max_query_bytes = std::max(counters.max_query_bytes, query_bytes);
+      }));
+  const uint64_t response_bytes = response.ByteSizeLong();
+  impl_->Count([&](TrafficCounters& counters) {
+    ++counters.num_queries;
+    counters.response_bytes += response_bytes;
+    counters.max_response_bytes = std::max(counters.max_response_bytes, response_bytes);
+  });
+  return DecodeSampleStates(response.sample_states(), num_samples);
+}
+
+StatusOr<ClientUpload> MapClient::UploadKeyframe(const std::string& packet) {
+  v1::UploadPartialKeyframeRequest request;
+  request.set_keyframe(packet);
+  const uint64_t bytes = request.ByteSizeLong();
+  v1::UploadPartialKeyframeResponse response;
+  MAPP_RETURN_IF_ERROR(impl_->Unary(&Impl::Stub::UploadPartialKeyframe, request, response, RetryOn::kTransient,
+                                    [&](TrafficCounters& counters) { counters.upload_bytes += bytes; }));
+  impl_->Count([](TrafficCounters& counters) { ++counters.num_uploads; });
+  ClientUpload upload{
+      .frame = FrameId(response.frame_id()), .already_stored = response.already_stored(), .T_map_session = {}};
+  if (response.has_pose_map_session()) {
+    MAPP_ASSIGN_OR_RETURN(upload.T_map_session, mapp::FromProto(response.pose_map_session(), "pose_map_session"));
+  }
+  return upload;
+}
+
+StatusOr<ClientSharedMap> MapClient::RequestSharedMap(SessionId session, uint32_t keyframe, const ViewQuery& view,
+                                                      double oversharing, double overlap,
+                                                      const std::vector<ClientHeldTile>& held_tiles,
+                                                      Patience patience) {
+  v1::RequestSharedMapRequest request;
+  request.set_session_id(ToWire(session));
+  request.set_keyframe(keyframe);
+  request.set_view(EncodeViewQuery(view));
+  request.set_oversharing(static_cast<float>(oversharing));
+  request.set_overlap(static_cast<float>(overlap));
+  for (const ClientHeldTile& held : held_tiles) {
+    v1::HeldTile& tile = *request.add_held_tiles();
+    tile.set_key(held.key.Packed());
+    tile.set_revision(held.revision.value());
+  }
+  ClientSharedMap map;
+  const auto attempt = [&](grpc::ClientContext& context) -> Status {
+    map = {};
+    Status malformed;
+    const auto reader = impl_->stub->RequestSharedMap(&context, request);
+    v1::RequestSharedMapResponse response;
+    while (malformed.ok() && reader->Read(&response)) {
+      const uint64_t bytes = response.ByteSizeLong();
+      impl_->Count([&](TrafficCounters& counters) { counters.download_bytes += bytes; });
+      if (response.has_summary()) {
+        map.num_tiles_unchanged = response.summary().num_tiles_unchanged();
+        map.map_revision = response.summary().map_revision();
+        continue;
+      }
+      StatusOr<Tile> tile = DecodeTile(response.tile());
+      if (tile.ok()) {
+        map.tiles.push_back(*std::move(tile));
+      } else {
+        malformed = tile.status();
+        context.TryCancel();
+      }
+    }
+    const Status status = FromGrpcStatus(reader->Finish());
+    return malformed.ok() ? status : malformed;
+  };
+  impl_->Count([](TrafficCounters& counters) { ++counters.num_shared_map_requests; });
+  MAPP_RETURN_IF_ERROR(impl_->Run(ForPatience(patience), kStreamTimeoutFactor * impl_->options.call_timeout, attempt));
+  return map;
+}
+
+StatusOr<ClientUpdateVerdict> MapClient::ReportUpdate(SessionId session, const std::vector<std::string>& packets,
+                                                      Patience patience) {
+  v1::ReportUpdateRequest request;
+  request.set_session_id(ToWire(session));
+  for (const std::string& packet : packets) request.add_keyframes(packet);
+  const uint64_t bytes = request.ByteSizeLong();
+  v1::ReportUpdateResponse response;
+  MAPP_RETURN_IF_ERROR(impl_->Unary(&Impl::Stub::ReportUpdate, request, response, ForPatience(patience),
+                                    [&](TrafficCounters& counters) { counters.report_bytes += bytes; }));
+  return FromProto(response.verdict());
+}
+
+StatusOr<std::pair<uint64_t, bool>> MapClient::CloseSession(SessionId session) {
+  v1::CloseSessionRequest request;
+  request.set_session_id(ToWire(session));
+  v1::CloseSessionResponse response;
+  MAPP_RETURN_IF_ERROR(impl_->Unary(&Impl::Stub::CloseSession, request, response, RetryOn::kTransient, {}));
+  return std::make_pair(response.num_keyframes(), response.optimization_pending());
+}
+
+std::unique_ptr<WatchHandle> MapClient::WatchSession(SessionId session,
+                                                     std::function<void(const ClientEvent&)> on_event) {
+  return std::make_unique<WatchThread>(*impl_->stub, session, impl_->NewBackoff(), std::move(on_event));
+}
+
+void MapClient::Cancel() { impl_->control.Cancel(); }
+
+TrafficCounters MapClient::traffic() const {
+  MutexLock lock(impl_->mutex);
+  return impl_->traffic;
+}
+
+}  // namespace mapp

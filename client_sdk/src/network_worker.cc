@@ -1,0 +1,186 @@
+#include "network_worker.h"
+
+#include "mapp/codec/keyframe_codec.h"
+#include "mapp/view/view_cone.h"
+
+#include <string>
+#include <utility>
+
+namespace mapp {
+namespace {
+
+/// Tiles kept in memory: at some 100 KB each a few hundred MB, which is a building.
+constexpr size_t kMaxHeldTiles = 2048;
+/// Between rounds of retries while the server stays away; MapClient has its own pauses within a round.
+constexpr std::chrono::milliseconds kPauseBetweenRounds{500};
+
+/// The server may do better later: the keyframe stays at the queue's head.
+bool IsTransient(const Status& status) { return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status); }
+
+void NoteError(SessionProgress& progress, const Status& status) {
+  progress.UpdateStats([&](ParticipantStats& stats) { stats.last_error = status.ToString(); });
+}
+
+}  // namespace
+
+NetworkWorker::NetworkWorker(MapClient& client, SessionProgress& progress, SlamAdapter* adapter,
+                             const ParticipantOptions& options, const ClientSession& session, const Camera& camera)
+    : client_(client),
+      progress_(progress),
+      adapter_(adapter),
+      options_(options),
+      session_(session),
+      camera_(camera),
+      tiles_(session.tile_edge_m, kMaxHeldTiles),
+      rng_(session.id.value()) {}
+
+void NetworkWorker::Run() {
+  while (const std::optional<Job> job = progress_.NextJob()) {
+    std::visit([this](const auto& some_job) { Handle(some_job); }, *job);
+    progress_.JobDone();
+  }
+}
+
+void NetworkWorker::Handle(const KeyframeJob& job) {
+  while (true) {
+    const Status status = Process(job);
+    if (status.ok() || control_.cancelled()) return;
+    NoteError(progress_, status);
+    if (!IsTransient(status)) {
+      progress_.UpdateStats([](ParticipantStats& stats) { ++stats.num_rejected; });
+      return;
+    }
+    if (!control_.Pause(kPauseBetweenRounds)) return;
+  }
+}
+
+Status NetworkWorker::Process(const KeyframeJob& job) {
+  const bool whole = options_.policy == UploadPolicy::kUploadAll || job.is_evidence ||
+                     progress_.state() == ParticipantState::kRegistering;
+  Keyframe keyframe = job.keyframe;
+  if (job.localized_on_map) PlaceInMap(keyframe);
+  return whole ? Upload(keyframe) : Expand(std::move(keyframe));
+}
+
+Status NetworkWorker::Upload(const Keyframe& keyframe) {
+  MAPP_ASSIGN_OR_RETURN(const ClientUpload upload, client_.UploadKeyframe(EncodeKeyframe(keyframe)));
+  progress_.OnUploaded(keyframe.number, upload);
+  return absl::OkStatus();
+}
+
+Status NetworkWorker::Expand(Keyframe keyframe) {
+  const OwnPoints own = OwnPointsOf(keyframe, camera_);
+  if (own.p_camera.empty()) return Skip();
+  MAPP_ASSIGN_OR_RETURN(const std::optional<OverlapCount> count, Assess(keyframe, own));
+  if (!count) return Upload(keyframe);
+  keyframe.overlap = static_cast<float>(count->overlap);
+
+  bool known = count->overlap >= options_.seen_overlap;
+  if (known && progress_.state() != ParticipantState::kSharing) {
+    MAPP_ASSIGN_OR_RETURN(known, Share(keyframe, count->overlap, Patience::kRetry));
+  }
+  if (known) return Skip();
+  const Reduced reduced = RemoveRedundant(keyframe, own, count->redundant, options_.injection, rng_);
+  return reduced.num_fresh == 0 ? Skip() : Upload(reduced.keyframe);
+}
+
+Status NetworkWorker::Skip() {
+  progress_.UpdateStats([](ParticipantStats& stats) { ++stats.num_skipped; });
+  return absl::OkStatus();
+}
+
+StatusOr<std::optional<OverlapCount>> NetworkWorker::Assess(const Keyframe& keyframe, const OwnPoints& own) {
+  ViewQuery view{.pose_frame = keyframe.pose_frame,
+                 .T_frame_camera = keyframe.T_frame_camera,
+                 .sampler = options_.sampler,
+                 .sketch = {}};
+  if (options_.sampler == SamplerKind::kDepthSketch) view.sketch = MakeDepthSketch(camera_, own.p_camera);
+  const StatusOr<std::vector<bool>> sample_redundant =
+      client_.AssessOverlap(session_.id, keyframe.number, view, static_cast<size_t>(options_.num_samples));
+  if (absl::IsFailedPrecondition(sample_redundant.status())) return std::nullopt;
+  MAPP_RETURN_IF_ERROR(sample_redundant.status());
+  OverlapCount count = CountOverlap(DrawSamples(view), *sample_redundant, own.p_camera);
+  progress_.UpdateStats([&](ParticipantStats& stats) {
+    stats.overlap_sum += count.overlap;
+    ++stats.num_overlaps;
+  });
+  return count;
+}
+
+SampleSet NetworkWorker::DrawSamples(const ViewQuery& view) const {
+  return view.sampler == SamplerKind::kUniform
+             ? SampleUniform(camera_.FieldOfView(), session_.cone_range_m, options_.num_samples)
+             : SampleDepthSketch(camera_, view.sketch, options_.num_samples);
+}
+
+StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patience patience) {
+  const std::optional<Pose3> T_map_session = progress_.T_map_session();
+  if (!T_map_session) return absl::FailedPreconditionError("the session is not aligned");
+  tiles_.Forget(progress_.TakeChangedTiles());
+  // The server does not read the sketch here, and the uniform sampler's form of the view leaves it out.
+  const ViewQuery query{.pose_frame = view.pose_frame,
+                        .T_frame_camera = view.T_frame_camera,
+                        .sampler = SamplerKind::kUniform,
+                        .sketch = {}};
+  MAPP_ASSIGN_OR_RETURN(ClientSharedMap received,
+                        client_.RequestSharedMap(session_.id, view.number, query, options_.oversharing, overlap,
+                                                 tiles_.Held(), patience));
+  tiles_.Put(std::move(received.tiles));
+  const Pose3 T_map_camera =
+      view.pose_frame == PoseFrame::kMap ? view.T_frame_camera : *T_map_session * view.T_frame_camera;
+  const ViewCone cone{.T_map_camera = T_map_camera,
+                      .range_m = session_.cone_range_m,
+                      .field_of_view = options_.oversharing * camera_.FieldOfView()};
+  const auto map = tiles_.MapInView(cone, *T_map_session, num_shared_maps_ + 1);
+  if (map->points.empty()) return false;
+  ++num_shared_maps_;
+  // First the state: the tracking thread may report on the map as soon as it has it.
+  progress_.OnSharedMap(map->number);
+  adapter_->TakeSharedMap(map);
+  return true;
+}
+
+void NetworkWorker::Handle(const FailureJob& job) {
+  // Algorithm 1 of the paper, an iteration of its loop at a time: whether the device localises on the map it gets here
+  // is told by its next frames.
+  if (job.num_maps_tried >= options_.max_shared_map_tries) {
+    ReportFailure(job);
+    return;
+  }
+  Keyframe view;
+  view.T_frame_camera = job.frame.T_session_camera;
+  if (job.keyframe) view.number = job.keyframe->number;
+  // One attempt: while the device waits for a map it neither localises nor maps. Without a server it had better map.
+  const StatusOr<bool> shared = Share(view, 0, Patience::kOneAttempt);
+  if (!shared.ok()) NoteError(progress_, shared.status());
+  if (!shared.ok() || !*shared) LeaveSharedMap();
+}
+
+void NetworkWorker::ReportFailure(const FailureJob& job) {
+  if (!job.keyframe) {
+    LeaveSharedMap();
+    return;
+  }
+  Keyframe keyframe = *job.keyframe;
+  PlaceInMap(keyframe);
+  progress_.UpdateStats([](ParticipantStats& stats) { ++stats.num_update_reports; });
+  const StatusOr<ClientUpdateVerdict> verdict =
+      client_.ReportUpdate(session_.id, {EncodeKeyframe(keyframe)}, Patience::kOneAttempt);
+  if (!verdict.ok()) NoteError(progress_, verdict.status());
+  if (verdict.ok() && *verdict == ClientUpdateVerdict::kUpdating) progress_.AddEvidence(*job.keyframe, true);
+  LeaveSharedMap();
+}
+
+void NetworkWorker::LeaveSharedMap() {
+  adapter_->LeaveSharedMap();
+  progress_.OnLeftSharedMap();
+}
+
+void NetworkWorker::PlaceInMap(Keyframe& keyframe) const {
+  const std::optional<Pose3> T_map_session = progress_.T_map_session();
+  if (!T_map_session) return;
+  keyframe.pose_frame = PoseFrame::kMap;
+  keyframe.T_frame_camera = *T_map_session * keyframe.T_frame_camera;
+}
+
+}  // namespace mapp

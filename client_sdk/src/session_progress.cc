@@ -1,0 +1,227 @@
+#include "session_progress.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
+
+namespace mapp {
+
+void SessionProgress::AddKeyframe(Keyframe keyframe) {
+  MutexLock lock(mutex_);
+  ++stats_.num_keyframes;
+  if (intake_closed_) {
+    ++stats_.num_dropped;
+    return;
+  }
+  keyframe.number += num_evidence_;
+  next_number_ = std::max(next_number_, keyframe.number + 1);
+  if (queue_.size() >= max_queued_) {
+    queue_.pop_front();
+    ++stats_.num_dropped;
+  }
+  queue_.push_back({.keyframe = std::move(keyframe), .localized_on_map = localized_on_map_, .is_evidence = false});
+  changed_.NotifyAll();
+}
+
+bool SessionProgress::BeginFailure(const SharedMapFrame& frame) {
+  MutexLock lock(mutex_);
+  if (state_ != ParticipantState::kSharing || frame.shared_map_number != shared_map_number_) return false;
+  if (frame.localized) {
+    num_maps_tried_ = 0;
+    localized_on_map_ = true;
+    return false;
+  }
+  if (failure_in_hand_) return false;
+  failure_in_hand_ = true;
+  if (num_maps_tried_ == 0) ++stats_.num_sharing_failures;
+  return true;
+}
+
+void SessionProgress::AddFailure(const SharedMapFrame& frame, std::optional<Keyframe> keyframe) {
+  MutexLock lock(mutex_);
+  failure_ = FailureJob{.frame = frame, .keyframe = std::move(keyframe), .num_maps_tried = num_maps_tried_};
+  changed_.NotifyAll();
+}
+
+void SessionProgress::CloseIntake() {
+  MutexLock lock(mutex_);
+  intake_closed_ = true;
+}
+
+std::string SessionProgress::Missing(bool compared) const {
+  if (!queue_.empty() || busy_) return fmt::format("{} keyframes are not sent yet", queue_.size() + (busy_ ? 1 : 0));
+  if (failure_in_hand_) return "a failure on the shared map is not resolved yet";
+  if (!compared || T_map_session_ || !last_unaligned_upload_) return "";
+  if (last_compared_ && *last_compared_ >= *last_unaligned_upload_) return "";
+  return fmt::format("the server has not compared keyframe {} with the map yet", *last_unaligned_upload_);
+}
+
+Status SessionProgress::Wait(std::chrono::steady_clock::time_point deadline, bool compared) {
+  MutexLock lock(mutex_);
+  while (true) {
+    if (stopped_) return absl::CancelledError("the participant was shut down");
+    const std::string missing = Missing(compared);
+    if (missing.empty()) return absl::OkStatus();
+    if (!changed_.WaitUntil(mutex_, deadline) && std::chrono::steady_clock::now() >= deadline) {
+      const std::string still_missing = Missing(compared);
+      return still_missing.empty() ? absl::OkStatus() : absl::DeadlineExceededError(still_missing);
+    }
+  }
+}
+
+Status SessionProgress::WaitForWatch(std::chrono::steady_clock::time_point deadline) {
+  MutexLock lock(mutex_);
+  while (num_watch_starts_ == 0) {
+    if (!changed_.WaitUntil(mutex_, deadline) && std::chrono::steady_clock::now() >= deadline) {
+      return absl::DeadlineExceededError("the server did not begin to tell of the session's events");
+    }
+  }
+  num_watch_starts_seen_ = num_watch_starts_;
+  return absl::OkStatus();
+}
+
+std::optional<Job> SessionProgress::NextJob() {
+  MutexLock lock(mutex_);
+  while (!stopped_ && !failure_ && queue_.empty()) changed_.Wait(mutex_);
+  if (stopped_) return std::nullopt;
+  busy_ = true;
+  if (failure_) return *std::exchange(failure_, std::nullopt);
+  KeyframeJob job = std::move(queue_.front());
+  queue_.pop_front();
+  return job;
+}
+
+void SessionProgress::JobDone() {
+  MutexLock lock(mutex_);
+  busy_ = false;
+  changed_.NotifyAll();
+}
+
+void SessionProgress::AddEvidence(Keyframe keyframe, bool localized_on_map) {
+  MutexLock lock(mutex_);
+  keyframe.number = next_number_++;
+  ++num_evidence_;
+  queue_.push_front({.keyframe = std::move(keyframe), .localized_on_map = localized_on_map, .is_evidence = true});
+}
+
+void SessionProgress::OnUploaded(uint32_t number, const ClientUpload& upload) {
+  MutexLock lock(mutex_);
+  ++stats_.num_uploaded;
+  if (upload.T_map_session) {
+    Align(*upload.T_map_session, number);
+  } else if (!upload.already_stored) {
+    // What was stored before a restart may have been compared before it, too: nobody would tell us again.
+    last_unaligned_upload_ = number;
+  }
+  changed_.NotifyAll();
+}
+
+void SessionProgress::Align(const Pose3& T_map_session, uint32_t keyframe) {
+  T_map_session_ = T_map_session;
+  if (!stats_.aligned_at_keyframe) stats_.aligned_at_keyframe = keyframe;
+  if (state_ == ParticipantState::kRegistering) state_ = ParticipantState::kExpanding;
+}
+
+void SessionProgress::OnSharedMap(uint32_t number) {
+  MutexLock lock(mutex_);
+  if (state_ == ParticipantState::kSharing) {
+    ++num_maps_tried_;  // a further map after a failure
+  } else {
+    num_maps_tried_ = 0;
+  }
+  state_ = ParticipantState::kSharing;
+  shared_map_number_ = number;
+  failure_in_hand_ = false;
+  changed_.NotifyAll();
+}
+
+void SessionProgress::OnLeftSharedMap() {
+  MutexLock lock(mutex_);
+  state_ = ParticipantState::kExpanding;
+  failure_in_hand_ = false;
+  changed_.NotifyAll();
+}
+
+std::vector<TileKey> SessionProgress::TakeChangedTiles() {
+  MutexLock lock(mutex_);
+  return std::exchange(changed_tiles_, {});
+}
+
+void SessionProgress::UpdateStats(const std::function<void(ParticipantStats&)>& change) {
+  MutexLock lock(mutex_);
+  change(stats_);
+}
+
+struct SessionProgress::EventVisitor {
+  SessionProgress& progress;
+
+  void operator()(const AlignmentTriedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
+    progress.last_compared_ = std::max(progress.last_compared_.value_or(0), event.keyframe);
+  }
+  void operator()(const AlignedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
+    progress.stats_.aligned_at_keyframe = event.keyframe;
+    progress.Align(event.T_map_session, event.keyframe);
+  }
+  void operator()(const CorrectedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
+    progress.T_map_session_ = event.T_map_session;
+  }
+  void operator()(const TilesChangedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
+    auto& changed = progress.changed_tiles_;
+    changed.insert(changed.end(), event.keys.begin(), event.keys.end());
+    std::sort(changed.begin(), changed.end());
+    changed.erase(std::unique(changed.begin(), changed.end()), changed.end());
+  }
+  void operator()(const OptimizedEvent&) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
+    progress.optimized_ = true;
+  }
+  void operator()(const WatchStartedEvent&) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
+    // Comparisons may have ended unheard while the stream was down: wait for none of before.
+    if (progress.num_watch_starts_++ > 0) progress.last_compared_ = progress.last_unaligned_upload_;
+  }
+};
+
+void SessionProgress::OnEvent(const ClientEvent& event) {
+  MutexLock lock(mutex_);
+  std::visit(EventVisitor{*this}, event);
+  changed_.NotifyAll();
+}
+
+SessionProgress::OptimizationWait SessionProgress::WaitForOptimization(std::chrono::steady_clock::time_point deadline) {
+  MutexLock lock(mutex_);
+  while (!optimized_ && num_watch_starts_ == num_watch_starts_seen_) {
+    if (!changed_.WaitUntil(mutex_, deadline) && std::chrono::steady_clock::now() >= deadline) {
+      return OptimizationWait::kTimedOut;
+    }
+  }
+  num_watch_starts_seen_ = num_watch_starts_;
+  return optimized_ ? OptimizationWait::kEnded : OptimizationWait::kWatchRestarted;
+}
+
+void SessionProgress::SetClosed() {
+  MutexLock lock(mutex_);
+  state_ = ParticipantState::kClosed;
+}
+
+void SessionProgress::Stop() {
+  MutexLock lock(mutex_);
+  stopped_ = true;
+  changed_.NotifyAll();
+}
+
+ParticipantState SessionProgress::state() const {
+  MutexLock lock(mutex_);
+  return state_;
+}
+
+std::optional<Pose3> SessionProgress::T_map_session() const {
+  MutexLock lock(mutex_);
+  return T_map_session_;
+}
+
+ParticipantStats SessionProgress::stats() const {
+  MutexLock lock(mutex_);
+  return stats_;
+}
+
+}  // namespace mapp

@@ -1,0 +1,37 @@
+#pragma once
+
+#include "mapp/client/map_client.h"
+#include "mapp/client/shared_map.h"
+#include "mapp/map/tile.h"
+#include "mapp/view/view_cone.h"
+
+#include <map>
+#include <memory>
+#include <span>
+#include <vector>
+
+namespace mapp {
+
+/// The tiles a device has received, kept in memory so that each is sent once per revision. One thread only.
+class SharedTiles {
+ public:
+  /// Beyond `max_tiles` those farthest from the latest view are dropped.
+  SharedTiles(double tile_edge_m, size_t max_tiles) : grid_{.edge_m = tile_edge_m}, max_tiles_(max_tiles) {}
+
+  std::vector<ClientHeldTile> Held() const;
+  /// Tiles that have changed at the server, or vanished from it.
+  void Forget(std::span<const TileKey> keys);
+  /// Newly received tiles, which replace older ones.
+  void Put(std::vector<Tile> tiles);
+  /// All points of the tiles that may meet the cone, moved to the session's frame.
+  std::shared_ptr<const SharedMap> MapInView(const ViewCone& cone, const Pose3& T_map_session, uint32_t number);
+
+ private:
+  void DropFarthest(const Eigen::Vector3d& center_map);
+
+  const TileGrid grid_;
+  const size_t max_tiles_;
+  std::map<TileKey, Tile> tiles_;
+};
+
+}  // namespace mapp
