@@ -1,9 +1,10 @@
 #pragma once
 
-#include <memory>
-
 #include "mapp/base/id.h"
 #include "mapp/base/status.h"
+
+#include <functional>
+#include <memory>
 
 namespace mapp {
 
@@ -12,28 +13,39 @@ class SessionEvents;
 class TileCache;
 
 struct RegistrarOptions {
-  int max_candidates = 8;           ///< frames verified per keyframe
-  int min_inliers = 30;             ///< map points matched and consistent, per keyframe
-  double min_inlier_ratio = 0.4;    ///< of the matches offered to the final guided check
-  int min_consistent_keyframes = 3; ///< that agree before a merge (DESIGN 7)
-  double max_disagreement_m = 0.15; ///< between their T_map_session, at the keyframe
+  int max_candidates = 8;         ///< frames verified per keyframe
+  int min_inliers = 30;           ///< map points matched and consistent, per keyframe
+  double min_inlier_ratio = 0.4;  ///< of the matches offered to the final guided check
+  /// Cells of a 4x4 grid over the image that hold inliers: a match confined to one poster or one car tells little.
+  int min_inlier_cells = 5;
+  int min_consistent_keyframes = 3;  ///< that agree before a merge (DESIGN 7)
+  /// Two keyframes suffice when both have this many inliers.
+  int strong_inliers = 100;
+  double max_disagreement_m = 0.15;  ///< between their T_map_session, at the keyframe
   double max_disagreement_deg = 4.0;
+  /// A second place that explains the keyframe with this share of the best place's inliers makes it ambiguous: it then
+  /// proves nothing (equal rooms, equal cars).
+  double max_rival_share = 0.6;
+  /// Told of what went wrong with a session in the background: a broken packet, a disk that fails. May be empty; must
+  /// not block. A session or map deleted in the meantime is not an error.
+  std::function<void(SessionId, const Status&)> on_error;
 };
 
 /// Place recognition, alignment and merging of fragments (DESIGN 7), in a thread of its own.
 /// Thread-safe. Publishes AlignmentTried for every keyframe of a fragment, and SessionAligned.
+/// Sessions of sensor kMono have no scale and stay fragments.
 class Registrar {
  public:
   Registrar(MapStore& store, TileCache& tiles, SessionEvents& events, const RegistrarOptions& options);
   ~Registrar();
 
-  /// Tells of a stored keyframe; returns at once. Frames in the map are indexed; those of a fragment are indexed
-  /// under the fragment and compared with the map. When a map's frames were never loaded (after a start), they are
-  /// indexed first.
+  /// Tells of a stored keyframe; returns at once. Frames in the map are indexed; those of a fragment are compared with
+  /// the map, and indexed once it has merged. When a map's frames were never loaded (after a start), they are indexed
+  /// first.
   void OnKeyframeStored(MapId map, SessionId session, FrameId frame, bool in_map);
   /// Forgets the map's index.
   void OnMapDeleted(MapId map);
-  /// Ends the thread after the work in hand. Idempotent.
+  /// Ends the thread after the work in hand; what still waits is taken up again after the next start. Idempotent.
   void Shutdown();
 
  private:

@@ -1,0 +1,39 @@
+#pragma once
+
+#include "server/service/alignment_verifier.h"
+
+#include <map>
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace mapp {
+
+/// Gathers what the keyframes of one fragment say about T_map_session, and tells when enough of them agree (DESIGN 7:
+/// a wrong merge is worse than a late one).
+class AlignmentConsensus {
+ public:
+  explicit AlignmentConsensus(const RegistrarOptions& options) : options_(options) {}
+
+  /// Takes one keyframe's word, replacing what the same keyframe said before. Returns how many keyframes agree with it,
+  /// itself included.
+  int Add(KeyframeAlignment alignment);
+
+  /// T_map_session, once enough keyframes taken from different poses agree on it and they are most of those that said
+  /// anything.
+  std::optional<Pose3> Decide() const;
+
+ private:
+  bool Agree(const KeyframeAlignment& a, const KeyframeAlignment& b) const;
+  std::vector<const KeyframeAlignment*> AgreeingWith(const KeyframeAlignment& alignment) const;
+  bool Suffices(std::span<const KeyframeAlignment* const> agreeing) const;
+
+  RegistrarOptions options_;
+  std::map<uint32_t, KeyframeAlignment> alignments_;  ///< by keyframe number
+};
+
+/// The T_map_session that best explains all alignments: each keyframe's T_map_camera weighs by its information, limited
+/// by what the session's own odometry may have drifted between them.
+Pose3 FuseAlignments(std::span<const KeyframeAlignment* const> alignments);
+
+}  // namespace mapp

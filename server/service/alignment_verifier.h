@@ -1,0 +1,34 @@
+#pragma once
+
+#include "server/service/alignment_projection.h"
+#include "server/service/registrar.h"
+
+#include <optional>
+#include <span>
+#include <vector>
+
+namespace mapp {
+
+/// One keyframe's word on where its session lies in the map.
+struct KeyframeAlignment {
+  uint32_t number = 0;  ///< the keyframe's
+  Pose3 T_session_camera;
+  ProjectionAlignment match;
+
+  Pose3 T_map_session() const { return match.T_map_camera * T_session_camera.Inverse(); }
+};
+
+struct VerificationResult {
+  int best_inliers = 0;  ///< of the best place tried, accepted or not
+  std::optional<KeyframeAlignment> alignment;
+};
+
+/// Geometric verification (DESIGN 7): does the fragment's keyframe `query` see what one of the `candidates`, frames of
+/// the map, saw? Candidates that stand together are tried as one place: descriptors matched against each, a rigid
+/// motion between the keyframe's own points and the map's by RANSAC, then guided matching with all points around.
+/// A keyframe that two places explain about equally well proves nothing and gives no alignment.
+/// Errors are the reader's.
+StatusOr<VerificationResult> VerifyCandidates(MapReader& reader, const FrameView& query,
+                                              std::span<const FrameId> candidates, const RegistrarOptions& options);
+
+}  // namespace mapp

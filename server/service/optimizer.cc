@@ -1,0 +1,210 @@
+#include "server/service/optimizer.h"
+
+#include "server/service/optimizer_commit.h"
+#include "server/service/optimizer_region.h"
+#include "server/service/serial_worker.h"
+#include "server/service/tile_cache.h"
+
+#include <algorithm>
+#include <atomic>
+#include <chrono>
+#include <numbers>
+
+namespace mapp {
+namespace {
+
+/// Closed sessions that may wait; what does not fit stays owed and is taken up after the next start.
+constexpr size_t kQueueCapacity = 1024;
+/// A frame that moved further than this was not refined but torn away: the result is dropped.
+constexpr double kMaxMotionM = 0.5;
+constexpr double kMaxTurnRad = 10.0 * std::numbers::pi / 180.0;
+
+using Clock = std::chrono::steady_clock;
+
+double SecondsSince(Clock::time_point start) { return std::chrono::duration<double>(Clock::now() - start).count(); }
+
+bool IsPlausible(const BundleProblem& before, const BundleProblem& after) {
+  for (size_t i = 0; i < before.frames.size(); ++i) {
+    const Pose3& moved = after.frames[i].T_world_camera;
+    if (!moved.IsFinite() || Distance(before.frames[i].T_world_camera, moved) > kMaxMotionM ||
+        RotationAngle(before.frames[i].T_world_camera, moved) > kMaxTurnRad) {
+      return false;
+    }
+  }
+  return true;
+}
+
+/// Adjusts, leaves out what did not fit, and adjusts again. Per observation, whether it was left out in the end.
+StatusOr<std::vector<bool>> AdjustTwice(BundleProblem& problem, BundleOptions options) {
+  const Clock::time_point start = Clock::now();
+  MAPP_ASSIGN_OR_RETURN(const BundleResult first, AdjustBundle(problem, options));
+  std::vector<bool> outliers = first.outliers;
+
+  BundleProblem fitting = problem;
+  fitting.observations.clear();
+  std::vector<size_t> fitting_indices;
+  for (size_t i = 0; i < problem.observations.size(); ++i) {
+    if (outliers[i]) continue;
+    fitting.observations.push_back(problem.observations[i]);
+    fitting_indices.push_back(i);
+  }
+  options.max_seconds -= SecondsSince(start);
+  if (fitting.observations.empty() || options.max_seconds <= 0) return outliers;
+  MAPP_ASSIGN_OR_RETURN(const BundleResult second, AdjustBundle(fitting, options));
+  for (size_t i = 0; i < fitting_indices.size(); ++i) {
+    if (second.outliers[i]) outliers[fitting_indices[i]] = true;
+  }
+  problem.frames = std::move(fitting.frames);
+  problem.points = std::move(fitting.points);
+  return outliers;
+}
+
+}  // namespace
+
+struct Optimizer::Impl {
+  Impl(MapStore& map_store, TileCache& tile_cache, SessionEvents& session_events, const OptimizerOptions& opts)
+      : store(map_store),
+        tiles(tile_cache),
+        events(session_events),
+        options(opts),
+        worker(kQueueCapacity, [this](const SessionId& session) { RunQueued(session); }) {}
+
+  void RunQueued(SessionId session);
+  StatusOr<OptimizationFinished> Optimize(const CallContext& context, SessionId session);
+  /// One stretch of the session's frames; adds its figures to `finished`.
+  Status OptimizeStretch(const CallContext& context, std::span<const FrameRecord> frames, double max_seconds,
+                         OptimizationFinished& finished);
+  Status Commit(const CallContext& context, const OptimizerRegion& region, const BundleProblem& adjusted,
+                const std::vector<bool>& outliers);
+  Status RecordOptimized(const CallContext& context, SessionId session);
+  /// `context` that also ends on Shutdown.
+  CallContext Stoppable(const CallContext& context) const;
+
+  MapStore& store;
+  TileCache& tiles;
+  SessionEvents& events;
+  const OptimizerOptions options;
+  std::atomic<bool> stopping = false;
+  Mutex run_mutex;                 ///< one optimisation at a time: two would overwrite each other
+  SerialWorker<SessionId> worker;  ///< last: its thread uses all of the above
+};
+
+CallContext Optimizer::Impl::Stoppable(const CallContext& context) const {
+  CallContext stoppable = context;
+  stoppable.is_cancelled = [this, inner = context.is_cancelled] { return stopping || (inner && inner()); };
+  return stoppable;
+}
+
+Status Optimizer::Impl::Commit(const CallContext& context, const OptimizerRegion& region, const BundleProblem& adjusted,
+                               const std::vector<bool>& outliers) {
+  OptimizerCommit commit(region, adjusted, outliers);
+  return store.Write(
+      context, [&commit](MapWriter& writer) { return commit.Run(writer); },
+      [&] {
+        tiles.Invalidate(commit.map(), commit.touched_tiles());
+        events.PublishToMap(commit.map(), TilesChanged{.keys = commit.touched_tiles(), .revision = commit.revision()});
+      });
+}
+
+Status Optimizer::Impl::OptimizeStretch(const CallContext& context, std::span<const FrameRecord> frames,
+                                        double max_seconds, OptimizationFinished& finished) {
+  OptimizerRegion region;
+  {
+    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
+    MAPP_ASSIGN_OR_RETURN(region, LoadOptimizerRegion(context, *reader, frames, options));
+  }
+  if (region.num_free_frames() == 0) return absl::OkStatus();
+
+  BundleProblem adjusted = region.problem;
+  const BundleOptions bundle_options{.max_iterations = options.max_iterations,
+                                     .num_threads = options.num_threads,
+                                     .max_seconds = max_seconds,
+                                     .is_cancelled = [&context] { return !context.Check().ok(); },
+                                     .on_iteration = {}};
+  MAPP_ASSIGN_OR_RETURN(const std::vector<bool> outliers, AdjustTwice(adjusted, bundle_options));
+  MAPP_RETURN_IF_ERROR(context.Check());
+
+  const double before_px = ReprojectionRmse(region.problem);
+  const double after_px = ReprojectionRmse(adjusted);
+  finished.initial_rmse_px = std::max(finished.initial_rmse_px, before_px);
+  finished.final_rmse_px = std::max(finished.final_rmse_px, after_px);
+  finished.num_frames += static_cast<uint32_t>(region.num_free_frames());
+  finished.num_points += static_cast<uint32_t>(region.points.size());
+  if (after_px >= before_px || !IsPlausible(region.problem, adjusted)) return absl::OkStatus();
+
+  const Status status = Commit(context, region, adjusted, outliers);
+  // Somebody else moved these frames: their word is newer than this snapshot's.
+  if (absl::IsAborted(status)) return absl::OkStatus();
+  MAPP_RETURN_IF_ERROR(status);
+  finished.applied = true;
+  return absl::OkStatus();
+}
+
+Status Optimizer::Impl::RecordOptimized(const CallContext& context, SessionId session) {
+  return store.Write(context, [session](MapWriter& writer) -> Status {
+    MAPP_ASSIGN_OR_RETURN(SessionRecord record, writer.GetSession(session));
+    MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(record.map));
+    record.optimized = map.revision;
+    return writer.UpdateSession(record);
+  });
+}
+
+StatusOr<OptimizationFinished> Optimizer::Impl::Optimize(const CallContext& context, SessionId session) {
+  const MutexLock lock(run_mutex);
+  const Clock::time_point start = Clock::now();
+  OptimizationFinished finished;
+  std::vector<FrameRecord> frames;
+  {
+    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
+    MAPP_ASSIGN_OR_RETURN(const SessionRecord record, reader->GetSession(session));
+    if (!record.T_map_session) return finished;
+    MAPP_ASSIGN_OR_RETURN(frames, reader->ListFrames(record.map, session));
+  }
+  std::erase_if(frames, [](const FrameRecord& frame) { return !frame.in_map; });
+  const auto stretch = static_cast<size_t>(std::max(1, options.max_free_frames / 2));
+  for (size_t first = 0; first < frames.size(); first += stretch) {
+    const double seconds_left = options.max_seconds - SecondsSince(start);
+    if (seconds_left <= 0) break;
+    const std::span<const FrameRecord> part =
+        std::span(frames).subspan(first, std::min(stretch, frames.size() - first));
+    MAPP_RETURN_IF_ERROR(OptimizeStretch(context, part, seconds_left, finished));
+  }
+  MAPP_RETURN_IF_ERROR(RecordOptimized(context, session));
+  finished.seconds = SecondsSince(start);
+  events.Publish(session, finished);
+  return finished;
+}
+
+void Optimizer::Impl::RunQueued(SessionId session) {
+  const Status status = Optimize(Stoppable({}), session).status();
+  if (status.ok() || stopping || absl::IsNotFound(status)) return;
+  events.Publish(session, OptimizationFinished{});
+  if (options.on_error) options.on_error(session, status);
+}
+
+Optimizer::Optimizer(MapStore& store, TileCache& tiles, SessionEvents& events, const OptimizerOptions& options)
+    : impl_(std::make_unique<Impl>(store, tiles, events, options)) {}
+
+Optimizer::~Optimizer() { Shutdown(); }
+
+void Optimizer::OnSessionClosed(SessionId session) { impl_->worker.Push(session); }
+
+Status Optimizer::ResumeOwed() {
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
+  MAPP_ASSIGN_OR_RETURN(const std::vector<SessionRecord> sessions, reader->ListSessions(std::nullopt));
+  for (const SessionRecord& session : sessions) {
+    if (session.closed_ns && session.T_map_session && !session.optimized) impl_->worker.Push(session.id);
+  }
+  return absl::OkStatus();
+}
+
+StatusOr<OptimizationFinished> Optimizer::OptimizeSession(const CallContext& context, SessionId session) {
+  return impl_->Optimize(impl_->Stoppable(context), session);
+}
+
+void Optimizer::Shutdown() {
+  impl_->stopping = true;
+  impl_->worker.Stop();
+}
+
+}  // namespace mapp
