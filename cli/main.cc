@@ -198,6 +198,13 @@ void AddSimulateRoom(CLI::App& app, Command& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return RunSimulateRoom(*options, std::cout); }; });
 }
 
+/// CLI11 misses what is required before it looks at what it did not understand; people look for the latter first.
+std::string UsageError(const CLI::App& app, const CLI::ParseError& error) {
+  const std::vector<std::string> not_understood = app.remaining(/*recurse=*/true);
+  if (not_understood.empty()) return error.what();
+  return fmt::format("unknown command or option: {}", not_understood.front());
+}
+
 int Main(int argc, char** argv) {
   CLI::App app("Command line of Map++, a self-hosted service for shared visual maps", "mapp");
   app.require_subcommand(1);
@@ -216,7 +223,7 @@ int Main(int argc, char** argv) {
   } catch (const CLI::Success& success) {
     return app.exit(success);  // prints the help or the version
   } catch (const CLI::ParseError& error) {
-    PrintError(fmt::format("{} (see mapp --help)", error.what()));
+    PrintError(UsageError(app, error) + " (see mapp --help)");
     return kExitUsage;
   }
   const Status status = chosen();

@@ -65,16 +65,25 @@ void DrawPoints(const std::vector<MapPointSummary>& points, const TopView& view,
   }
 }
 
-void DrawPath(const SessionTrack& track, Color color, const TopView& view, Canvas& canvas) {
+/// Calls `draw(from, to, from_px, to_px)` for each stretch between frames that follow each other.
+template <typename Draw>
+void ForEachStretch(const SessionTrack& track, const TopView& view, const Draw& draw) {
   for (size_t i = 1; i < track.frames.size(); ++i) {
+    if (!track.IsContinuous(i)) continue;
     const TrackFrame& from = track.frames[i - 1];
     const TrackFrame& to = track.frames[i];
-    if (!track.IsContinuous(i)) continue;
-    const Eigen::Vector2d a = view.ToPixel(from.T_map_camera.translation());
-    const Eigen::Vector2d b = view.ToPixel(to.T_map_camera.translation());
-    if (from.on_shared_map && to.on_shared_map) canvas.Line(a, b, 9, Tint(color));
-    canvas.Line(a, b, 2, color);
+    draw(from, to, view.ToPixel(from.T_map_camera.translation()), view.ToPixel(to.T_map_camera.translation()));
   }
+}
+
+void DrawPath(const SessionTrack& track, Color color, const TopView& view, Canvas& canvas) {
+  using Pixel = Eigen::Vector2d;
+  ForEachStretch(track, view, [&](const TrackFrame& from, const TrackFrame& to, const Pixel& a, const Pixel& b) {
+    if (from.on_shared_map && to.on_shared_map) canvas.Line(a, b, 9, Tint(color));
+  });
+  ForEachStretch(track, view, [&](const TrackFrame&, const TrackFrame&, const Pixel& a, const Pixel& b) {
+    canvas.Line(a, b, 2, color);
+  });
 }
 
 void DrawMarker(FrameMark mark, const Eigen::Vector2d& pixel, Color color, Canvas& canvas) {

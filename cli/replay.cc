@@ -75,7 +75,9 @@ void FillParticipation(const Device& device, ReplayReport& report) {
   report.keyframes = stats.num_keyframes;
   report.keyframe_equivalents = device.num_keyframe_equivalents();
   report.keyframes_uploaded = stats.num_uploaded;
+  report.keyframes_skipped = stats.num_skipped;
   report.keyframes_dropped = stats.num_dropped;
+  report.keyframes_rejected = stats.num_rejected;
   report.aligned_at_keyframe = stats.aligned_at_keyframe;
   if (stats.num_overlaps > 0) report.overlap_mean = stats.overlap_sum / static_cast<double>(stats.num_overlaps);
   report.upload_bytes = traffic.upload_bytes + traffic.report_bytes;
@@ -144,6 +146,17 @@ Status WriteFiles(const ReplayOptions& options, const Sequence& sequence, const 
   return absl::OkStatus();
 }
 
+/// What became of the session as a whole. Keyframes that did not arrive explain the troubles that followed.
+Status Outcome(const Status& played, const Status& closed, const ParticipantStats& stats) {
+  if (stats.num_rejected > 0 || stats.num_dropped > 0) {
+    return absl::AbortedError(fmt::format("{} of {} keyframes did not reach the map, the last error being: {}",
+                                          stats.num_rejected + stats.num_dropped, stats.num_keyframes,
+                                          stats.last_error));
+  }
+  MAPP_RETURN_IF_ERROR(played);
+  return Annotate(closed, "closing the session");
+}
+
 StatusOr<std::unique_ptr<Device>> OpenDevice(const ReplayOptions& options, const Sequence& sequence) {
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<OrbTracker> tracker, MakeTracker(sequence));
   MapClientOptions client_options;
@@ -180,8 +193,7 @@ Status RunReplay(const ReplayOptions& options, std::stop_token stop, std::ostrea
   MAPP_RETURN_IF_ERROR(WriteFiles(options, *sequence, report, trajectory, played.frames, out));
   if (options.json_file != "-") out << FormatText(report);
 
-  MAPP_RETURN_IF_ERROR(played.status);
-  return Annotate(closed, "closing the session");
+  return Outcome(played.status, closed, device->participant().stats());
 }
 
 }  // namespace mapp

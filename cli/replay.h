@@ -42,6 +42,7 @@ struct ReplayOptions {
 /// `mapp replay`: plays a sequence through the built-in tracker against a server, closes the session and reports.
 /// A stop request ends it after the frame under way: the session is closed, the report written, and the answer is
 /// CANCELLED. So is a sequence that breaks off at a broken image, whose error is then the answer.
+/// ABORTED: keyframes were refused by the server or found no room while it was away; the report counts them.
 /// INVALID_ARGUMENT: a sensor the tracker cannot use, or files that do not parse.
 Status RunReplay(const ReplayOptions& options, std::stop_token stop, std::ostream& out);
 

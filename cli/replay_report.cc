@@ -42,7 +42,8 @@ std::string FormatJson(const ReplayReport& report) {
 
   json.Field("frames", report.frames).Field("frames_tracked", report.frames_tracked);
   json.Field("keyframes", report.keyframes).Field("keyframe_equivalents", report.keyframe_equivalents);
-  json.Field("keyframes_uploaded", report.keyframes_uploaded).Field("keyframes_dropped", report.keyframes_dropped);
+  json.Field("keyframes_uploaded", report.keyframes_uploaded).Field("keyframes_skipped", report.keyframes_skipped);
+  json.Field("keyframes_dropped", report.keyframes_dropped).Field("keyframes_rejected", report.keyframes_rejected);
   json.Field("aligned_at_keyframe", report.aligned_at_keyframe).Field("overlap_mean", report.overlap_mean);
 
   json.Field("upload_bytes", report.upload_bytes).Field("full_bytes", report.full_bytes);
@@ -74,6 +75,8 @@ std::string FormatText(const ReplayReport& report) {
                                            Percent(Ratio(static_cast<double>(report.frames_on_shared_map), frames)))});
   table.AddRow({"keyframes", std::to_string(report.keyframes)});
   table.AddRow({"keyframe_equivalents", std::to_string(report.keyframe_equivalents)});
+  table.AddRow({"keyframes_uploaded", std::to_string(report.keyframes_uploaded)});
+  if (report.keyframes_rejected > 0) table.AddRow({"keyframes_rejected", std::to_string(report.keyframes_rejected)});
   if (report.keyframes_dropped > 0) table.AddRow({"keyframes_dropped", std::to_string(report.keyframes_dropped)});
   table.AddRow(
       {"aligned_at_keyframe", report.aligned_at_keyframe ? std::to_string(*report.aligned_at_keyframe) : "never"});

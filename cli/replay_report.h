@@ -26,7 +26,9 @@ struct ReplayReport {
   uint64_t keyframes = 0;                       ///< made by the device
   uint64_t keyframe_equivalents = 0;            ///< frames on a shared map at which it would have made one
   uint64_t keyframes_uploaded = 0;              ///< acknowledged by the server
-  uint64_t keyframes_dropped = 0;               ///< never sent: the queue was full
+  uint64_t keyframes_skipped = 0;               ///< not sent: the map knows all of them
+  uint64_t keyframes_dropped = 0;               ///< not sent: the queue was full
+  uint64_t keyframes_rejected = 0;              ///< refused by the server for good
   std::optional<uint32_t> aligned_at_keyframe;  ///< 0 for the session that founds the map
   std::optional<double> overlap_mean;           ///< over answered queries, by the device's own count
 

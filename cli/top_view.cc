@@ -62,8 +62,9 @@ Eigen::Vector3d LongestAxis(const Eigen::Vector3d& up, const std::vector<Eigen::
 
 Eigen::Vector3d EstimateUp(const std::vector<Pose3>& T_map_cameras) {
   if (T_map_cameras.empty()) return -Eigen::Vector3d::UnitY();
-  // Small enough that a camera pitched by 30 degrees does not outweigh x axes that span the ground by 20.
-  constexpr double kDownWeight = 0.1;
+  // Small beside x axes that span the ground, so that pitch does not matter; large beside a hand's roll of a few
+  // degrees.
+  constexpr double kDownWeight = 0.02;
   Eigen::Matrix3d cost = Eigen::Matrix3d::Zero();
   Eigen::Vector3d mean_down = Eigen::Vector3d::Zero();
   for (const Pose3& T_map_camera : T_map_cameras) {
