@@ -55,8 +55,8 @@ std::optional<PoseEstimate> FrontEnd::TrackFromLast(const Frame& frame) const {
       T_previous_last_ ? last_->T_session_camera * *T_previous_last_ : last_->T_session_camera;
   SearchOptions options;
   options.radius_px = kPredictedRadiusPx;
-  PoseEstimate estimate = SearchAndRefine(frame, camera_, T_session_camera_guess, PointsOfLastFrame(), options,
-                                          options_.min_tracked_points);
+  PoseEstimate estimate = SearchAndRefine(frame, camera_, camera_.own_map, T_session_camera_guess, PointsOfLastFrame(),
+                                          options, options_.min_tracked_points);
   if (estimate.num_inliers >= options_.min_tracked_points) return estimate;
   return TrackReferenceKeyframe(frame);
 }
@@ -72,7 +72,7 @@ std::optional<PoseEstimate> FrontEnd::TrackReferenceKeyframe(const Frame& frame)
   for (const PointView& point : points) point_descriptors.push_back(point.descriptor);
   for (const Feature& feature : frame.features) frame_descriptors.push_back(feature.descriptor);
   const std::vector<Match> matches = MatchDescriptors(point_descriptors, frame_descriptors, MatchOptions());
-  PoseEstimate estimate = RefinePose(frame, camera_, last_->T_session_camera, points, matches);
+  PoseEstimate estimate = RefinePose(frame, camera_, camera_.own_map, last_->T_session_camera, points, matches);
   if (estimate.num_inliers < options_.min_tracked_points) return std::nullopt;
   return estimate;
 }
@@ -92,7 +92,7 @@ std::optional<TrackedFrame> FrontEnd::TrackLocalWindow(const std::shared_ptr<con
   SearchOptions options;
   options.radius_px = kRefinedRadiusPx;
   const SearchResult found = SearchByProjection(*frame, camera_, estimate.T_session_camera, points, options);
-  PoseEstimate refined = RefinePose(*frame, camera_, estimate.T_session_camera, points, found.matches);
+  PoseEstimate refined = RefinePose(*frame, camera_, camera_.own_map, estimate.T_session_camera, points, found.matches);
   if (refined.num_inliers < options_.min_tracked_points) return std::nullopt;
 
   TrackedFrame tracked;

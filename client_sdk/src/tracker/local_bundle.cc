@@ -44,7 +44,7 @@ class WindowBuilder {
     frame_slots_.emplace(keyframe_idx, static_cast<int>(window_.keyframes.size()));
     window_.keyframes.push_back(keyframe_idx);
     window_.problem.frames.push_back(
-        {camera_.pinhole, map_.keyframe(keyframe_idx).T_session_camera, fixed, camera_.bf_px_m});
+        {camera_.pinhole, map_.keyframe(keyframe_idx).T_session_camera, fixed, camera_.own_map.bf_px_m});
   }
 
   void AddPoints() {
@@ -85,7 +85,8 @@ class WindowBuilder {
 
   void AddObservations() {
     for (size_t point_slot = 0; point_slot < window_.points.size(); ++point_slot) {
-      for (const PointObservation& seen : map_.point(window_.points[point_slot]).observations) {
+      const MapPoint& point = map_.point(window_.points[point_slot]);
+      for (const PointObservation& seen : point.observations) {
         const auto frame_slot = frame_slots_.find(seen.keyframe_idx);
         if (frame_slot == frame_slots_.end()) continue;
         const Frame& frame = *map_.keyframe(seen.keyframe_idx).frame;
@@ -95,7 +96,9 @@ class WindowBuilder {
         observation.point_idx = static_cast<int>(point_slot);
         observation.pixel = frame.pixels[feature];
         observation.sigma_px = static_cast<double>(OctaveScale(frame.features[feature].keypoint.octave));
-        observation.depth_m = static_cast<double>(frame.depths_m[feature]);
+        if (!point.server_id || camera_.own_map.applies_to_server_points) {
+          observation.depth_m = static_cast<double>(frame.depths_m[feature]);
+        }
         window_.problem.observations.push_back(observation);
       }
     }

@@ -46,21 +46,26 @@ SearchResult SearchByProjection(const Frame& frame, const TrackingCamera& camera
   return result;
 }
 
-PoseEstimate RefinePose(const Frame& frame, const TrackingCamera& camera, const Pose3& T_session_camera_guess,
-                        std::span<const PointView> points, std::span<const Match> matches) {
+PoseEstimate RefinePose(const Frame& frame, const TrackingCamera& camera, const DepthTrust& trust,
+                        const Pose3& T_session_camera_guess, std::span<const PointView> points,
+                        std::span<const Match> matches) {
   std::vector<PoseObservation> observations;
   observations.reserve(matches.size());
   for (const Match& match : matches) {
     const auto feature = static_cast<size_t>(match.train_idx);
     PoseObservation observation;
-    observation.p_world = points[static_cast<size_t>(match.query_idx)].p_session;
+    const PointView& point = points[static_cast<size_t>(match.query_idx)];
+    observation.p_world = point.p_session;
     observation.pixel = frame.pixels[feature];
     observation.sigma_px = static_cast<double>(OctaveScale(frame.features[feature].keypoint.octave));
-    observation.depth_m = static_cast<double>(frame.depths_m[feature]);
+    if (!point.from_server || trust.applies_to_server_points) {
+      observation.depth_m = static_cast<double>(frame.depths_m[feature]);
+    }
     observations.push_back(observation);
   }
   PoseOptions options;
-  options.bf_px_m = camera.bf_px_m;
+  options.bf_px_m = trust.bf_px_m;
+  options.chi2_depth = trust.chi2;
   const PoseResult refined = OptimizePose(camera.pinhole, observations, T_session_camera_guess, options);
 
   PoseEstimate estimate;
@@ -77,14 +82,15 @@ PoseEstimate RefinePose(const Frame& frame, const TrackingCamera& camera, const 
   return estimate;
 }
 
-PoseEstimate SearchAndRefine(const Frame& frame, const TrackingCamera& camera, const Pose3& T_session_camera_guess,
-                             std::span<const PointView> points, SearchOptions options, int min_inliers) {
+PoseEstimate SearchAndRefine(const Frame& frame, const TrackingCamera& camera, const DepthTrust& trust,
+                             const Pose3& T_session_camera_guess, std::span<const PointView> points,
+                             SearchOptions options, int min_inliers) {
   PoseEstimate best;
   best.T_session_camera = T_session_camera_guess;
   best.points.assign(frame.size(), kNone);
   for (int attempt = 0; attempt < 2; ++attempt) {
     const SearchResult found = SearchByProjection(frame, camera, T_session_camera_guess, points, options);
-    PoseEstimate estimate = RefinePose(frame, camera, T_session_camera_guess, points, found.matches);
+    PoseEstimate estimate = RefinePose(frame, camera, trust, T_session_camera_guess, points, found.matches);
     if (attempt == 0 || estimate.num_inliers > best.num_inliers) best = std::move(estimate);
     if (best.num_inliers >= min_inliers) break;
     options.radius_px *= 2;

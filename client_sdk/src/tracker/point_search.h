@@ -43,12 +43,14 @@ struct PoseEstimate {
 
 /// Refines a pose on matches between points and features (query_idx indexes `points`, train_idx the frame's features).
 /// Without enough support the guess is returned with no inliers.
-PoseEstimate RefinePose(const Frame& frame, const TrackingCamera& camera, const Pose3& T_session_camera_guess,
-                        std::span<const PointView> points, std::span<const Match> matches);
+PoseEstimate RefinePose(const Frame& frame, const TrackingCamera& camera, const DepthTrust& trust,
+                        const Pose3& T_session_camera_guess, std::span<const PointView> points,
+                        std::span<const Match> matches);
 
 /// Searches around a guess and refines, first in the given window and, when fewer than `min_inliers` agree, once more
 /// in one twice as wide.
-PoseEstimate SearchAndRefine(const Frame& frame, const TrackingCamera& camera, const Pose3& T_session_camera_guess,
-                             std::span<const PointView> points, SearchOptions options, int min_inliers);
+PoseEstimate SearchAndRefine(const Frame& frame, const TrackingCamera& camera, const DepthTrust& trust,
+                             const Pose3& T_session_camera_guess, std::span<const PointView> points,
+                             SearchOptions options, int min_inliers);
 
 }  // namespace mapp::tracker

@@ -60,25 +60,23 @@ std::optional<PoseEstimate> Relocalizer::FindAmongKeyframes(const Frame& frame, 
       points = CopyPoints(shared.map, keyframe.points);
       window = GatherLocalWindow(shared.map, keyframe.points, keyframe.T_session_camera, keyframe.generation);
     }
-    if (std::optional<PoseEstimate> found = Verify(frame, points, MatchPoints(frame, points), window.points)) {
-      return found;
-    }
+    if (auto found = Verify(frame, camera_.own_map, points, window.points)) return found;
   }
   return std::nullopt;
 }
 
 std::optional<PoseEstimate> Relocalizer::FindAmongPoints(const Frame& frame, std::span<const PointView> points) const {
-  const std::vector<PointView> copies(points.begin(), points.end());
-  return Verify(frame, copies, MatchPoints(frame, points), points);
+  return Verify(frame, camera_.shared_map, points, points);
 }
 
-std::optional<PoseEstimate> Relocalizer::Verify(const Frame& frame, const std::vector<PointView>& matched_points,
-                                                const std::vector<Match>& matches,
+std::optional<PoseEstimate> Relocalizer::Verify(const Frame& frame, const DepthTrust& trust,
+                                                std::span<const PointView> candidates,
                                                 std::span<const PointView> all_points) const {
+  const std::vector<Match> matches = MatchPoints(frame, candidates);
   std::vector<Eigen::Vector3d> p_session;
   std::vector<Eigen::Vector2d> pixels;
   for (const Match& match : matches) {
-    p_session.push_back(matched_points[static_cast<size_t>(match.query_idx)].p_session);
+    p_session.push_back(candidates[static_cast<size_t>(match.query_idx)].p_session);
     pixels.push_back(frame.pixels[static_cast<size_t>(match.train_idx)]);
   }
   RansacOptions ransac;
@@ -89,11 +87,12 @@ std::optional<PoseEstimate> Relocalizer::Verify(const Frame& frame, const std::v
   for (size_t i = 0; i < matches.size(); ++i) {
     if (pnp->inliers[i]) supported.push_back(matches[i]);
   }
-  const PoseEstimate refined = RefinePose(frame, camera_, pnp->T_world_camera, matched_points, supported);
+  const PoseEstimate refined = RefinePose(frame, camera_, trust, pnp->T_world_camera, candidates, supported);
   if (refined.num_inliers < kMinPnpInliers / 2) return std::nullopt;
   SearchOptions search;
   search.radius_px = 8;
-  PoseEstimate guided = SearchAndRefine(frame, camera_, refined.T_session_camera, all_points, search, min_inliers_);
+  PoseEstimate guided =
+      SearchAndRefine(frame, camera_, trust, refined.T_session_camera, all_points, search, min_inliers_);
   if (guided.num_inliers < min_inliers_) return std::nullopt;
   return guided;
 }

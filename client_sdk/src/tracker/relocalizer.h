@@ -28,8 +28,8 @@ class Relocalizer {
   std::optional<PoseEstimate> FindAmongPoints(const Frame& frame, std::span<const PointView> points) const;
 
  private:
-  std::optional<PoseEstimate> Verify(const Frame& frame, const std::vector<PointView>& matched_points,
-                                     const std::vector<Match>& matches, std::span<const PointView> all_points) const;
+  std::optional<PoseEstimate> Verify(const Frame& frame, const DepthTrust& trust, std::span<const PointView> candidates,
+                                     std::span<const PointView> all_points) const;
 
   const TrackingCamera& camera_;
   const int min_inliers_;

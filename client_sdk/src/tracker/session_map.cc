@@ -51,6 +51,7 @@ int SessionMap::AddSharedPoint(PointView view, MapPointId server_id, int generat
   const int point_idx = NewPointSlot();
   MapPoint& added = mutable_point(point_idx);
   view.point_idx = point_idx;
+  view.from_server = true;
   added.view = view;
   added.server_id = server_id;
   added.generation = generation;

@@ -27,6 +27,7 @@ struct PointView {
   Eigen::Vector3f view_direction = Eigen::Vector3f::UnitZ();  ///< unit, mean of (point - observing camera)
   float reference_distance_m = 1;                             ///< detected at octave o from reference / 1.2^o
   OrbDescriptor descriptor;
+  bool from_server = false;  ///< came with a shared map
 };
 
 struct PointObservation {

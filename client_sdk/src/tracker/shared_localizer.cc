@@ -33,6 +33,7 @@ std::optional<int> SharedLocalizer::Take(const SharedMap& map) {
     view.view_direction = point.view_direction_session;
     view.reference_distance_m = point.reference_distance_m;
     view.descriptor = point.descriptor;
+    view.from_server = true;
     view.point_idx = shared_.map.AddSharedPoint(view, point.id, tried_->generation);
     tried_->points.push_back(view);
   }
@@ -79,7 +80,8 @@ PoseEstimate SharedLocalizer::EstimateOn(const Loaded& map, const Frame& frame,
     SearchOptions coarse;
     coarse.radius_px = last_localized_ ? kTrackedRadiusPx : kFirstRadiusPx;
     coarse.max_distance = last_localized_ ? coarse.max_distance : 64;
-    estimate = SearchAndRefine(frame, camera_, *T_session_camera_guess, map.points, coarse, required);
+    estimate =
+        SearchAndRefine(frame, camera_, camera_.shared_map, *T_session_camera_guess, map.points, coarse, required);
   }
   // Descriptors alone find the pose where the guess is off by more than the window, but cost a comparison with every
   // point: worth it at a new map and when there is no guess.
@@ -89,7 +91,8 @@ PoseEstimate SharedLocalizer::EstimateOn(const Loaded& map, const Frame& frame,
   if (estimate.num_inliers < options_.min_tracked_points) return estimate;
   SearchOptions fine;
   fine.radius_px = kRefinedRadiusPx;
-  PoseEstimate refined = SearchAndRefine(frame, camera_, estimate.T_session_camera, map.points, fine, 0);
+  PoseEstimate refined =
+      SearchAndRefine(frame, camera_, camera_.shared_map, estimate.T_session_camera, map.points, fine, 0);
   return refined.num_inliers > estimate.num_inliers ? refined : estimate;
 }
 
