@@ -156,7 +156,7 @@ class EurocSequenceTest : public testing::Test {
     const std::string folder = "mav0/" + name + "/";
     folder_.Write(folder + "sensor.yaml", std::string(kCameraYaml) + "T_BS:\n  cols: 4\n  rows: 4\n  data: [1, 0, 0, " +
                                               x_m + ", 0, 0, 1, 0,\n    0, -1, 0, 0, 0, 0, 0, 1]\n");
-    folder_.Write(folder + "data.csv", "#timestamp [ns],filename\n1000,1000.png\r\n2000,2000.png\r\n");
+    folder_.Write(folder + "data.csv", "#timestamp [ns],filename\n1000000000,1000.png\r\n2000000000,2000.png\r\n");
     std::filesystem::create_directories(folder_.path() / folder / "data");
     const auto level = static_cast<uint8_t>(name == "cam0" ? 50 : 100);
     for (const char* file : {"1000.png", "2000.png"}) {
@@ -179,17 +179,17 @@ TEST_F(EurocSequenceTest, TwoCamerasAreStereo) {
   EXPECT_LT(RotationAngle((*sequence)->T_left_right(), Pose3()), 1e-9);
   const auto frame = (*sequence)->Read(1);
   ASSERT_TRUE(frame.ok()) << frame.status();
-  EXPECT_EQ(frame->stamp_ns, 2000);
+  EXPECT_EQ(frame->stamp_ns, 2000000000);
   EXPECT_EQ(frame->gray.at(0, 0), 50);
   EXPECT_EQ(frame->right_gray.at(0, 0), 100);
 }
 
 TEST_F(EurocSequenceTest, FramesWithoutRightImageAreLeftOut) {
-  folder_.Write("mav0/cam1/data.csv", "2000,2000.png\n");
+  folder_.Write("mav0/cam1/data.csv", "2000000000,2000.png\n");
   const auto sequence = Open();
   ASSERT_TRUE(sequence.ok()) << sequence.status();
   ASSERT_EQ((*sequence)->num_frames(), 1);
-  EXPECT_EQ((*sequence)->stamp_ns(0), 2000);
+  EXPECT_EQ((*sequence)->stamp_ns(0), 2000000000);
 }
 
 TEST_F(EurocSequenceTest, CamerasAtOnePlaceAreNoStereo) {
@@ -205,7 +205,7 @@ TEST_F(EurocSequenceTest, OneCameraIsMonocular) {
 }
 
 TEST_F(EurocSequenceTest, MalformedLine) {
-  folder_.Write("mav0/cam0/data.csv", "1000,1000.png\n20.5,2000.png\n");
+  folder_.Write("mav0/cam0/data.csv", "1000000000,1000.png\n20.5,2000.png\n");
   ExpectError(Open().status(), absl::StatusCode::kInvalidArgument, "cam0/data.csv:2: '20.5' is not a time");
 }
 

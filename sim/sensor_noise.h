@@ -1,0 +1,23 @@
+#pragma once
+
+#include "sim/renderer.h"
+
+#include <cstdint>
+
+namespace mapp::sim {
+
+/// What a real camera adds to a rendered frame. Zero everywhere gives the exact frame.
+struct SensorNoise {
+  /// Standard deviation of the gray level.
+  double gray_sigma = 2.0;
+  /// Standard deviation of depth is this times z^2, 1/m. Source: the depth noise of structured light, about
+  /// 1.4e-3 for the first Kinect (Khoshelham and Elberink, Sensors 2012), with some smoothing.
+  double depth_sigma_per_m = 0.0012;
+  /// No reading beyond, metres; infinity keeps all.
+  double max_depth_m = 8.0;
+};
+
+/// Adds noise in place; the same seed gives the same noise.
+void AddSensorNoise(const SensorNoise& noise, uint64_t seed, RenderedFrame& frame);
+
+}  // namespace mapp::sim
