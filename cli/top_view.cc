@@ -4,6 +4,8 @@
 
 #include <algorithm>
 #include <cmath>
+#include <limits>
+#include <numbers>
 
 namespace mapp {
 namespace {
@@ -42,20 +44,33 @@ std::vector<double> Along(const Eigen::Vector3d& axis, const std::vector<Eigen::
   return values;
 }
 
-/// The direction across `up` in which the points spread most; any when they do not spread.
-Eigen::Vector3d LongestAxis(const Eigen::Vector3d& up, const std::vector<Eigen::Vector3d>& points) {
+/// The direction across `up` along which the smallest rectangle around the scene is longest: walls become upright.
+Eigen::Vector3d LongestAxis(const Eigen::Vector3d& up, const std::vector<Eigen::Vector3d>& cameras,
+                            const std::vector<Eigen::Vector3d>& points) {
+  constexpr int kNumAngles = 90;
   const Eigen::Vector3d first = up.unitOrthogonal();
   const Eigen::Vector3d second = up.cross(first);
-  Eigen::Vector2d mean = Eigen::Vector2d::Zero();
-  Eigen::Matrix2d scatter = Eigen::Matrix2d::Zero();
-  for (const Eigen::Vector3d& p : points) mean += Eigen::Vector2d(first.dot(p), second.dot(p));
-  mean /= std::max<double>(1, static_cast<double>(points.size()));
-  for (const Eigen::Vector3d& p : points) {
-    const Eigen::Vector2d d = Eigen::Vector2d(first.dot(p), second.dot(p)) - mean;
-    scatter += d * d.transpose();
+  Eigen::Vector3d best = first;
+  double best_area = std::numeric_limits<double>::infinity();
+  for (int i = 0; i < kNumAngles; ++i) {
+    const double angle = i * std::numbers::pi / 2 / kNumAngles;
+    const Eigen::Vector3d axis = std::cos(angle) * first + std::sin(angle) * second;
+    const Eigen::Vector3d across = up.cross(axis);
+    const double length = RobustInterval(Along(axis, cameras), Along(axis, points)).length();
+    const double width = RobustInterval(Along(across, cameras), Along(across, points)).length();
+    if (length * width >= best_area) continue;
+    best_area = length * width;
+    best = length >= width ? axis : across;
   }
-  const Eigen::Vector2d axis = Eigen::SelfAdjointEigenSolver<Eigen::Matrix2d>(scatter).eigenvectors().col(1);
-  return (axis.x() * first + axis.y() * second).normalized();
+  return best;
+}
+
+/// At most about `max_num` of the points, evenly picked.
+std::vector<Eigen::Vector3d> Thinned(const std::vector<Eigen::Vector3d>& points, size_t max_num) {
+  std::vector<Eigen::Vector3d> thinned;
+  const size_t step = points.size() / max_num + 1;
+  for (size_t i = 0; i < points.size(); i += step) thinned.push_back(points[i]);
+  return thinned;
 }
 
 }  // namespace
@@ -81,7 +96,8 @@ TopView::TopView(const std::vector<Pose3>& T_map_cameras, const std::vector<Eige
     : up_(EstimateUp(T_map_cameras)) {
   std::vector<Eigen::Vector3d> cameras_map;
   for (const Pose3& T_map_camera : T_map_cameras) cameras_map.push_back(T_map_camera.translation());
-  const Eigen::Vector3d longest = LongestAxis(up_, points_map.empty() ? cameras_map : points_map);
+  constexpr size_t kEnoughForOrientation = 10'000;
+  const Eigen::Vector3d longest = LongestAxis(up_, cameras_map, Thinned(points_map, kEnoughForOrientation));
   right_ = viewport.width_px >= viewport.height_px ? longest : Eigen::Vector3d(longest.cross(up_));
   // Right, down and the viewing direction (-up) are right-handed, so that the view is not mirrored.
   down_ = right_.cross(up_);

@@ -25,7 +25,7 @@ class TopView {
   };
 
   /// Fits all `T_map_cameras`, and `points_map` but for the outermost percent on each side, into the viewport, the
-  /// longer side of the scene along the longer side of the viewport.
+  /// smallest rectangle around them upright and its longer side along the viewport's.
   TopView(const std::vector<Pose3>& T_map_cameras, const std::vector<Eigen::Vector3d>& points_map,
           const Viewport& viewport);
 

@@ -140,7 +140,7 @@ class BadServerTest : public testing::Test {
   std::string ExpectRefusal(const std::vector<std::string>& arguments) {
     std::vector<std::string> command = {MAPP_SERVER_BINARY};
     command.insert(command.end(), arguments.begin(), arguments.end());
-    const Finished finished = Run(command, std::chrono::seconds(30));
+    const Finished finished = RunCommand(command, std::chrono::seconds(30));
     EXPECT_EQ(finished.exit_code, 1) << finished.err;
     const size_t last_line = finished.err.rfind('\n', finished.err.size() - 2) + 1;
     EXPECT_THAT(finished.err.substr(last_line), StartsWith("mapp-server: ")) << finished.err;

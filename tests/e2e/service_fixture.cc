@@ -22,7 +22,7 @@ std::string MappBinary() { return MAPP_BINARY; }
 Finished RunMapp(const std::vector<std::string>& arguments) {
   std::vector<std::string> command = {MappBinary()};
   command.insert(command.end(), arguments.begin(), arguments.end());
-  return Run(command, kCommandTimeout);
+  return RunCommand(command, kCommandTimeout);
 }
 
 std::string ExpectFailure(const std::vector<std::string>& arguments) {
@@ -113,7 +113,7 @@ Replayed ServiceTest::Replay(const std::string& sequence, const std::string& dev
                              const std::vector<std::string>& more) {
   std::vector<std::string> command = ReplayArguments(sequence, device, more);
   command.insert(command.begin(), MappBinary());
-  const Finished finished = Run(command, kReplayTimeout);
+  const Finished finished = RunCommand(command, kReplayTimeout);
   EXPECT_EQ(finished.exit_code, 0) << finished.err;
   return CollectReplay(device, finished.exit_code, finished.err);
 }

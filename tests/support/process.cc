@@ -12,8 +12,8 @@
 #include <fstream>
 #include <poll.h>
 #include <sstream>
-#include <sys/pidfd.h>
 #include <sys/prctl.h>
+#include <sys/syscall.h>
 #include <sys/wait.h>
 #include <unistd.h>
 
@@ -70,7 +70,7 @@ Process::Process(const std::vector<std::string>& command, const std::filesystem:
   if (pid_ == 0) ExecChild(arguments.data(), output_fd, error_fd, parent);
   close(output_fd);
   close(error_fd);
-  pid_fd_ = pidfd_open(pid_, 0);
+  pid_fd_ = static_cast<int>(syscall(SYS_pidfd_open, pid_, 0));  // glibc 2.36's declaration is C only
   MAPP_CHECK(pid_fd_ >= 0);
 }
 
@@ -97,7 +97,7 @@ void Process::Signal(int signal) {
 std::string Process::StandardOutput() const { return ReadFile(output_file_); }
 std::string Process::StandardError() const { return ReadFile(error_file_); }
 
-Finished Run(const std::vector<std::string>& command, std::chrono::milliseconds timeout) {
+Finished RunCommand(const std::vector<std::string>& command, std::chrono::milliseconds timeout) {
   const TempFolder folder;
   Process process(command, folder.path());
   const std::optional<int> exit_code = process.Wait(timeout);

@@ -57,7 +57,7 @@ struct Finished {
 };
 
 /// Runs a command to its end; fails the present test, and kills it, when it takes longer than `timeout`.
-Finished Run(const std::vector<std::string>& command, std::chrono::milliseconds timeout);
+Finished RunCommand(const std::vector<std::string>& command, std::chrono::milliseconds timeout);
 
 std::string ReadFile(const std::filesystem::path& file);
 void WriteFile(const std::filesystem::path& file, const std::string& content);

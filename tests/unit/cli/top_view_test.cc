@@ -58,6 +58,20 @@ TEST(TopViewTest, FitsTheSceneIntoTheViewportAndLeavesStrayPointsOut) {
   EXPECT_GT(view.pixels_per_m(), 25) << "the stray point must not shrink the view";
 }
 
+TEST(TopViewTest, PutsWallsUpright) {
+  // A rectangle of 8 x 3 m, turned by 30 degrees about the vertical; one wall holds most of the points.
+  const Eigen::Quaterniond R_map_room(Eigen::AngleAxisd(kPi / 6, Eigen::Vector3d::UnitY()));
+  std::vector<Eigen::Vector3d> points;
+  for (int i = 0; i <= 400; ++i) {
+    points.push_back(R_map_room * Eigen::Vector3d(0.02 * i, -1, 0));
+    if (i % 10 == 0) points.push_back(R_map_room * Eigen::Vector3d(0.02 * i, -1, 3));
+    if (i % 10 == 0) points.push_back(R_map_room * Eigen::Vector3d(8, -1, 3 * i / 400.0));
+  }
+  const TopView view(Cameras(Eigen::Quaterniond::Identity(), kPi, 0), points, {0, 0, 800, 400});
+  const Eigen::Vector2d wall = view.ToPixel(R_map_room * Eigen::Vector3d(8, 0, 0)) - view.ToPixel({0, 0, 0});
+  EXPECT_LT(std::abs(wall.y()), 0.05 * std::abs(wall.x()));
+}
+
 TEST(TopViewTest, IsNotMirrored) {
   const TopView view(Cameras(Eigen::Quaterniond::Identity(), kPi, 0), {{0, 0, 0}, {4, 0, 0}, {0, 0, 1}},
                      {0, 0, 400, 200});
