@@ -6,7 +6,10 @@
 
 #include <cerrno>
 #include <cstring>
+#include <fcntl.h>
 #include <filesystem>
+#include <fstream>
+#include <string_view>
 #include <system_error>
 #include <unistd.h>
 
@@ -40,9 +43,20 @@ Status SetWriterPragmas(Connection& db, const SqliteOptions& options) {
   return absl::OkStatus();
 }
 
+/// SQLite itself would only say "cannot open".
 Status CheckAccess(const std::string& file, int mode) {
-  if (access(file.c_str(), mode) == 0 || errno == ENOENT) return absl::OkStatus();
+  if (faccessat(AT_FDCWD, file.c_str(), mode, AT_EACCESS) == 0 || errno == ENOENT) return absl::OkStatus();
   return absl::FailedPreconditionError(std::strerror(errno));
+}
+
+/// An absent or empty file is a database that has yet to be created.
+Status CheckIsDatabase(const std::string& file) {
+  constexpr std::string_view kMagic("SQLite format 3\0", 16);
+  std::ifstream stream(file, std::ios::binary);
+  std::string header(kMagic.size(), '\0');
+  stream.read(header.data(), static_cast<std::streamsize>(header.size()));
+  if (stream.gcount() == 0 || header == kMagic) return absl::OkStatus();
+  return absl::FailedPreconditionError("not a map database: the file is no SQLite database");
 }
 
 }  // namespace
@@ -65,6 +79,7 @@ StatusOr<std::string> ResolveFile(const std::string& file, bool must_exist) {
 
 StatusOr<std::unique_ptr<Connection>> OpenForWriting(const std::string& file, const SqliteOptions& options) {
   MAPP_RETURN_IF_ERROR(CheckAccess(file, R_OK | W_OK));
+  MAPP_RETURN_IF_ERROR(CheckIsDatabase(file));
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> db,
                         Connection::Open(file, Connection::Mode::kCreate, options.busy_timeout));
   MAPP_RETURN_IF_ERROR(SetCommonPragmas(*db, options.writer_cache_kb));
@@ -79,6 +94,7 @@ StatusOr<std::unique_ptr<Connection>> OpenForWriting(const std::string& file, co
 
 StatusOr<std::unique_ptr<Connection>> OpenForReading(const std::string& file, const SqliteOptions& options) {
   MAPP_RETURN_IF_ERROR(CheckAccess(file, R_OK));
+  MAPP_RETURN_IF_ERROR(CheckIsDatabase(file));
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> db,
                         Connection::Open(file, Connection::Mode::kReadOnly, options.busy_timeout));
   MAPP_RETURN_IF_ERROR(SetCommonPragmas(*db, options.reader_cache_kb));

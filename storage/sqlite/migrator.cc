@@ -12,19 +12,15 @@ namespace mapp::sqlite {
 namespace {
 
 Status CheckApplication(Connection& db, int64_t* version) {
-  StatusOr<int64_t> application = db.QueryInt64("PRAGMA application_id");
-  if (absl::IsDataLoss(application.status())) {
-    return absl::FailedPreconditionError("not a map database: the file is no SQLite database");
-  }
-  MAPP_RETURN_IF_ERROR(application.status());
+  MAPP_ASSIGN_OR_RETURN(const int64_t application, db.QueryInt64("PRAGMA application_id"));
   MAPP_ASSIGN_OR_RETURN(*version, db.QueryInt64("PRAGMA user_version"));
-  if (*application == kApplicationId) return absl::OkStatus();
+  if (application == kApplicationId) return absl::OkStatus();
   // A file that was created but never got its first migration is as good as new.
   MAPP_ASSIGN_OR_RETURN(const int64_t num_objects, db.QueryInt64("SELECT count(*) FROM sqlite_schema"));
-  if (*application == 0 && *version == 0 && num_objects == 0) return absl::OkStatus();
+  if (application == 0 && *version == 0 && num_objects == 0) return absl::OkStatus();
   return absl::FailedPreconditionError(
       fmt::format("not a map database: it belongs to another program (application id {:#x}, expected {:#x})",
-                  *application, kApplicationId));
+                  application, kApplicationId));
 }
 
 /// Every migration that made the database is the one of the same number in `migrations`.

@@ -24,7 +24,7 @@ std::span<const Migration> EmbeddedMigrations();
 inline constexpr int64_t kApplicationId = 0x4d617070;
 
 /// The schema number of the open database, 0 for a new file. FAILED_PRECONDITION when the file belongs to another
-/// program or is no database, and when it is newer than `migrations` or was made by others of the same number.
+/// program, and when it is newer than `migrations` or was made by others of the same number.
 StatusOr<int> ReadSchemaVersion(Connection& db, std::span<const Migration> migrations);
 
 struct MigrateOptions {

@@ -1,0 +1,208 @@
+// Maps, sessions and cameras, on every engine.
+#include "tests/unit/storage/store_fixture.h"
+
+namespace mapp {
+namespace {
+
+using absl::StatusCode;
+using testing::HasSubstr;
+
+class MapStoreCatalogTest : public MapStoreTest {};
+INSTANTIATE_TEST_SUITE_P(Engines, MapStoreCatalogTest, testing::ValuesIn(AllEngines()), EngineName);
+
+TEST_P(MapStoreCatalogTest, CreatesAndFindsAMap) {
+  MapRecord map;
+  map.name = "garage";
+  map.tile_edge_m = 4;
+  map.cone_range_m = 12;
+  MapId id;
+  MustWrite([&](MapWriter& writer) { id = Value(writer.CreateMap(map)); });
+
+  const MapRecord found = Value(Read()->FindMap("garage"));
+  EXPECT_EQ(found.id, id);
+  EXPECT_EQ(found.tile_edge_m, 4);
+  EXPECT_EQ(found.cone_range_m, 12);
+  EXPECT_EQ(found.revision, Revision(0));
+  EXPECT_GT(found.created_ns, 0);
+  EXPECT_FALSE(found.founder.has_value());
+  EXPECT_EQ(found.num_frames + found.num_points + found.num_sessions, 0);
+  EXPECT_EQ(Value(Read()->GetMap(id)).name, "garage");
+  EXPECT_EQ(Value(Read()->ListMaps()).size(), 1U);
+}
+
+TEST_P(MapStoreCatalogTest, RefusesANameTwice) {
+  NewScene("kitchen");
+  const Status status = Write([](MapWriter& writer) {
+    MapRecord map;
+    map.name = "kitchen";
+    return writer.CreateMap(map).status();
+  });
+  EXPECT_THAT(status, HasCode(StatusCode::kAlreadyExists));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("kitchen"));
+  EXPECT_EQ(Value(Read()->ListMaps()).size(), 1U);
+}
+
+TEST_P(MapStoreCatalogTest, NamesWhatIsMissing) {
+  const auto reader = Read();
+  EXPECT_THAT(reader->FindMap("attic"), HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(std::string(reader->FindMap("attic").status().message()), HasSubstr("attic"));
+  EXPECT_THAT(reader->GetMap(MapId(7)), HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(reader->GetSession(SessionId(7)), HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(reader->GetCamera(CameraId(7)), HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(Write([](MapWriter& writer) { return writer.DeleteMap(MapId(7)); }), HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(Write([](MapWriter& writer) { return writer.SetFounder(MapId(7), SessionId(1)); }),
+              HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(Write([](MapWriter& writer) { return writer.NextRevision(MapId(7)).status(); }),
+              HasCode(StatusCode::kNotFound));
+}
+
+TEST_P(MapStoreCatalogTest, CameraComesBackAsItWas) {
+  const Scene scene = NewScene();
+  const Camera camera = Value(Read()->GetCamera(scene.camera)).camera;
+  EXPECT_EQ(ModelName(camera.projection), "radial-tangential");
+  EXPECT_EQ(Coefficients(camera.projection), Coefficients(TestCamera().projection));
+  EXPECT_EQ(camera.width_px, 752);
+  EXPECT_EQ(camera.height_px, 480);
+  EXPECT_EQ(camera.stereo_baseline_m, 0.11);
+}
+
+TEST_P(MapStoreCatalogTest, SessionBeginsAsAFragment) {
+  const Scene scene = NewScene();
+  const SessionRecord session = Value(Read()->GetSession(scene.session));
+  EXPECT_EQ(session.map, scene.map);
+  EXPECT_EQ(session.camera, scene.camera);
+  EXPECT_EQ(session.device, "robot-7");
+  EXPECT_EQ(session.sensor, SensorKind::kStereo);
+  EXPECT_GT(session.opened_ns, 0);
+  EXPECT_FALSE(session.closed_ns || session.T_map_session || session.aligned_at_keyframe || session.optimized);
+  EXPECT_EQ(Value(Read()->GetMap(scene.map)).num_sessions, 1);
+}
+
+TEST_P(MapStoreCatalogTest, UpdatesASession) {
+  const Scene scene = NewScene();
+  SessionRecord session = Value(Read()->GetSession(scene.session));
+  session.closed_ns = 12;
+  session.T_map_session = PoseAt(1, 2, 3);
+  session.aligned_at_keyframe = 4;
+  session.optimized = Revision(9);
+  Check(Write([&](MapWriter& writer) { return writer.UpdateSession(session); }));
+
+  const SessionRecord stored = Value(Read()->GetSession(scene.session));
+  EXPECT_EQ(stored.closed_ns, 12);
+  EXPECT_EQ(stored.aligned_at_keyframe, 4U);
+  EXPECT_EQ(stored.optimized, Revision(9));
+  ASSERT_TRUE(stored.T_map_session.has_value());
+  EXPECT_TRUE(stored.T_map_session->Matrix().isApprox(PoseAt(1, 2, 3).Matrix(), 1e-15));
+
+  session.T_map_session.reset();
+  Check(Write([&](MapWriter& writer) { return writer.UpdateSession(session); }));
+  EXPECT_FALSE(Value(Read()->GetSession(scene.session)).T_map_session.has_value());
+}
+
+TEST_P(MapStoreCatalogTest, ListsSessionsOfAMapOldestFirst) {
+  const Scene kitchen = NewScene("kitchen");
+  const Scene garage = NewScene("garage");
+  SessionRecord second = Value(Read()->GetSession(kitchen.session));
+  MustWrite([&](MapWriter& writer) { second.id = Value(writer.InsertSession(second)); });
+
+  const std::vector<SessionRecord> of_kitchen = Value(Read()->ListSessions(kitchen.map));
+  ASSERT_EQ(of_kitchen.size(), 2U);
+  EXPECT_EQ(of_kitchen[0].id, kitchen.session);
+  EXPECT_EQ(of_kitchen[1].id, second.id);
+  EXPECT_EQ(Value(Read()->ListSessions(std::nullopt)).size(), 3U);
+  EXPECT_EQ(Value(Read()->ListSessions(garage.map)).size(), 1U);
+}
+
+TEST_P(MapStoreCatalogTest, RefusesASessionWithoutMapOrCamera) {
+  const Scene scene = NewScene();
+  SessionRecord session = Value(Read()->GetSession(scene.session));
+  session.map = MapId(77);
+  EXPECT_THAT(Write([&](MapWriter& writer) { return writer.InsertSession(session).status(); }),
+              HasCode(StatusCode::kNotFound));
+  session.map = scene.map;
+  session.camera = CameraId(77);
+  EXPECT_THAT(Write([&](MapWriter& writer) { return writer.InsertSession(session).status(); }),
+              HasCode(StatusCode::kNotFound));
+  EXPECT_EQ(Value(Read()->GetMap(scene.map)).num_sessions, 1);
+}
+
+TEST_P(MapStoreCatalogTest, RemembersTheFounder) {
+  const Scene scene = NewScene();
+  Check(Write([&](MapWriter& writer) { return writer.SetFounder(scene.map, scene.session); }));
+  EXPECT_EQ(Value(Read()->GetMap(scene.map)).founder, scene.session);
+}
+
+TEST_P(MapStoreCatalogTest, RevisionIsOneMoreForAllOfAChange) {
+  const Scene scene = NewScene();
+  for (uint64_t expected = 1; expected <= 3; ++expected) {
+    MustWrite([&](MapWriter& writer) {
+      EXPECT_EQ(Value(writer.NextRevision(scene.map)), Revision(expected));
+      EXPECT_EQ(Value(writer.NextRevision(scene.map)), Revision(expected));
+      EXPECT_EQ(Value(writer.GetMap(scene.map)).revision, Revision(expected));
+    });
+    EXPECT_EQ(Value(Read()->GetMap(scene.map)).revision, Revision(expected));
+  }
+}
+
+TEST_P(MapStoreCatalogTest, DeletesAMapAndNothingElse) {
+  const Scene kitchen = NewScene("kitchen");
+  const Scene garage = NewScene("garage");
+  FrameId kitchen_frame, garage_frame;
+  const auto fill = [](MapWriter& writer, const Scene& scene) {
+    const FrameId frame = Value(writer.InsertFrame(
+        TestFrame(scene.map, scene.session, scene.camera, 0, PoseAt(1, 1, 1)), TestBytes(1, 500), {}));
+    Value(writer.InsertPoint(scene.map, TestPoint(scene.session, 1, {1, 1, 3})));
+    const MapPointId moved = Value(writer.InsertPoint(scene.map, TestPoint(scene.session, 2, {2, 1, 3})));
+    Check(writer.PutTileBlob(scene.map, {0, 0, 0}, {.revision = Revision(1), .bytes = "tile"}));
+    Check(writer.RetirePoint(moved, std::nullopt));
+    return frame;
+  };
+  MustWrite([&](MapWriter& writer) {
+    kitchen_frame = fill(writer, kitchen);
+    garage_frame = fill(writer, garage);
+  });
+  Check(Write([&](MapWriter& writer) { return writer.DeleteMap(kitchen.map); }));
+
+  const auto reader = Read();
+  const Aabb everywhere(Eigen::Vector3d::Constant(-100), Eigen::Vector3d::Constant(100));
+  EXPECT_THAT(reader->GetMap(kitchen.map), HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(reader->GetSession(kitchen.session), HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(reader->GetCamera(kitchen.camera), HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(reader->GetPacket(kitchen_frame), HasCode(StatusCode::kNotFound));
+  EXPECT_THAT(reader->GetObservations(kitchen_frame), HasCode(StatusCode::kNotFound));
+  EXPECT_TRUE(Value(reader->FramesInBox(kitchen.map, everywhere)).empty());
+  EXPECT_TRUE(Value(reader->PointsOfSession(kitchen.session)).empty());
+  EXPECT_FALSE(Value(reader->GetTileBlob(kitchen.map, {0, 0, 0})).has_value());
+
+  EXPECT_EQ(Value(reader->GetPacket(garage_frame)), TestBytes(1, 500));
+  EXPECT_EQ(Value(reader->FramesInBox(garage.map, everywhere)).size(), 1U);
+  EXPECT_EQ(Value(reader->PointsInTile(garage.map, {0, 0, 0})).size(), 1U);
+  EXPECT_EQ(Value(reader->ListTiles(garage.map, everywhere)).size(), 1U);
+  EXPECT_TRUE(Value(reader->GetTileBlob(garage.map, {0, 0, 0})).has_value());
+  EXPECT_EQ(Value(reader->GetCamera(garage.camera)).id, garage.camera);
+}
+
+TEST_P(MapStoreCatalogTest, NeverGivesAnIdTwice) {
+  const Scene first = NewScene("kitchen");
+  MapPointId first_point;
+  FrameId first_frame;
+  MustWrite([&](MapWriter& writer) {
+    first_point = Value(writer.InsertPoint(first.map, TestPoint(first.session, 1, {1, 1, 3})));
+    first_frame =
+        Value(writer.InsertFrame(TestFrame(first.map, first.session, first.camera, 0, PoseAt(0, 0, 0)), "packet", {}));
+  });
+  Check(Write([&](MapWriter& writer) { return writer.DeleteMap(first.map); }));
+  Reopen();
+  const Scene second = NewScene("kitchen");
+  EXPECT_NE(first.map, second.map);
+  EXPECT_NE(first.session, second.session);
+  MustWrite([&](MapWriter& writer) {
+    EXPECT_NE(Value(writer.InsertPoint(second.map, TestPoint(second.session, 1, {1, 1, 3}))), first_point);
+    EXPECT_NE(Value(writer.InsertFrame(TestFrame(second.map, second.session, second.camera, 0, PoseAt(0, 0, 0)),
+                                       "packet", {})),
+              first_frame);
+  });
+}
+
+}  // namespace
+}  // namespace mapp

@@ -1,0 +1,248 @@
+// What is particular to the SQLite engine: the file, its owner, and what can be wrong with it.
+#include "storage/sqlite/sqlite_map_store.h"
+#include "tests/unit/storage/store_fixture.h"
+
+#include <sqlite3.h>
+
+#include <fstream>
+#include <sys/mount.h>
+#include <unistd.h>
+
+namespace mapp {
+namespace {
+
+using absl::StatusCode;
+using testing::AllOf;
+using testing::HasSubstr;
+using testing::Not;
+
+/// Runs SQL on a file behind the store's back.
+void RunSql(const std::string& file, const std::string& sql) {
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(file.c_str(), &db), SQLITE_OK);
+  ASSERT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
+  sqlite3_close(db);
+}
+
+void WriteFile(const std::string& file, const std::string& bytes) { std::ofstream(file, std::ios::binary) << bytes; }
+
+std::string ReadFile(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+std::unique_ptr<MapStore> Open(const std::string& file, const SqliteOptions& options = {}) {
+  return Value(OpenSqliteMapStore(file, options));
+}
+
+Scene AddSceneTo(MapStore& store, const std::string& map_name = "kitchen") {
+  Scene scene;
+  Check(store.Write({}, [&](MapWriter& writer) {
+    scene = AddScene(writer, map_name);
+    return absl::OkStatus();
+  }));
+  return scene;
+}
+
+Status Upload(MapStore& store, const Scene& scene, uint32_t number, size_t packet_bytes) {
+  return store.Write({}, [&](MapWriter& writer) {
+    return writer
+        .InsertFrame(TestFrame(scene.map, scene.session, scene.camera, number, PoseAt(0, 0, 0)),
+                     TestBytes(number, packet_bytes), {})
+        .status();
+  });
+}
+
+class SqliteFileTest : public testing::Test {
+ protected:
+  /// The message of a refusal: one line that names the file.
+  std::string RefusalOf(const std::string& file, StatusCode code, const SqliteOptions& options = {}) {
+    const auto store = OpenSqliteMapStore(file, options);
+    EXPECT_THAT(store, HasCode(code));
+    const std::string message(store.status().message());
+    EXPECT_THAT(message, AllOf(HasSubstr(file), Not(HasSubstr("\n"))));
+    return message;
+  }
+
+  TempFolder folder_;
+  const std::string file_ = folder_.File("maps.db");
+};
+
+TEST_F(SqliteFileTest, CreatesAFileThatSqliteFindsSound) {
+  AddSceneTo(*Open(file_));
+  sqlite3* db = nullptr;
+  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
+  int (*append)(void*, int, char**, char**) = [](void* text, int, char** values, char**) {
+    *static_cast<std::string*>(text) += std::string(values[0]) + " ";
+    return 0;
+  };
+  std::string answers;
+  for (const char* pragma : {"integrity_check", "journal_mode", "page_size", "user_version", "application_id"}) {
+    ASSERT_EQ(sqlite3_exec(db, (std::string("PRAGMA ") + pragma).c_str(), append, &answers, nullptr), SQLITE_OK);
+  }
+  EXPECT_EQ(answers, "ok wal 16384 1 1298231408 ");
+  sqlite3_close(db);
+}
+
+TEST_F(SqliteFileTest, CloseLeavesOneFileAndALock) {
+  const auto store = Open(file_);
+  AddSceneTo(*store);
+  Value(store->Read());
+  Check(store->Close());
+  EXPECT_FALSE(std::filesystem::exists(file_ + "-wal"));
+  Open(file_);
+}
+
+TEST_F(SqliteFileTest, RefusesAFileThatIsNoDatabase) {
+  const std::string text(5000, 'x');
+  WriteFile(file_, text);
+  EXPECT_THAT(RefusalOf(file_, StatusCode::kFailedPrecondition), HasSubstr("not a map database"));
+  EXPECT_EQ(ReadFile(file_), text);
+}
+
+TEST_F(SqliteFileTest, RefusesAnotherProgramsDatabase) {
+  RunSql(file_, "CREATE TABLE recipes (name TEXT); PRAGMA user_version = 1;");
+  const std::string before = ReadFile(file_);
+  EXPECT_THAT(RefusalOf(file_, StatusCode::kFailedPrecondition), HasSubstr("another program"));
+  EXPECT_EQ(ReadFile(file_), before);
+}
+
+TEST_F(SqliteFileTest, RefusesANewerSchema) {
+  Open(file_);
+  RunSql(file_, "PRAGMA user_version = 7;");
+  EXPECT_THAT(RefusalOf(file_, StatusCode::kFailedPrecondition),
+              HasSubstr("database schema 7 is newer than this program's 1"));
+  EXPECT_THAT(RefusalOf(file_, StatusCode::kFailedPrecondition, {.read_only = true}), HasSubstr("newer"));
+}
+
+TEST_F(SqliteFileTest, RefusesASchemaThatAnotherMigrationMade) {
+  Open(file_);
+  RunSql(file_, "UPDATE schema_migrations SET sha256 = 'f00';");
+  EXPECT_THAT(RefusalOf(file_, StatusCode::kFailedPrecondition), HasSubstr("0001_initial.sql"));
+}
+
+TEST_F(SqliteFileTest, RefusesAMissingFolderAndAFolder) {
+  RefusalOf(folder_.File("missing/maps.db"), StatusCode::kNotFound);
+  RefusalOf(folder_.path().string(), StatusCode::kFailedPrecondition);
+}
+
+TEST_F(SqliteFileTest, RefusesAFolderItMayNotWrite) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root, to become a user without rights";
+  std::filesystem::permissions(folder_.path(), std::filesystem::perms(0555));
+  constexpr uid_t kNobody = 65534;
+  ASSERT_EQ(seteuid(kNobody), 0);
+  const std::string message = RefusalOf(file_, StatusCode::kFailedPrecondition);
+  ASSERT_EQ(seteuid(0), 0);
+  EXPECT_THAT(message, HasSubstr("Permission denied"));
+}
+
+TEST_F(SqliteFileTest, RefusesAFileItMayNotRead) {
+  if (geteuid() != 0) GTEST_SKIP() << "needs root, to become a user without rights";
+  Open(file_);
+  std::filesystem::permissions(folder_.path(), std::filesystem::perms(0777));
+  std::filesystem::permissions(file_, std::filesystem::perms(0600));
+  std::filesystem::permissions(file_ + ".lock", std::filesystem::perms(0666));
+  constexpr uid_t kNobody = 65534;
+  ASSERT_EQ(seteuid(kNobody), 0);
+  const std::string message = RefusalOf(file_, StatusCode::kFailedPrecondition);
+  ASSERT_EQ(seteuid(0), 0);
+  EXPECT_THAT(message, HasSubstr("Permission denied"));
+}
+
+TEST_F(SqliteFileTest, SecondOwnerIsRefusedByName) {
+  auto owner = Open(file_);
+  EXPECT_THAT(RefusalOf(file_, StatusCode::kFailedPrecondition),
+              HasSubstr("in use by process " + std::to_string(getpid())));
+  const std::string link = folder_.File("link.db");
+  std::filesystem::create_symlink(file_, link);
+  RefusalOf(link, StatusCode::kFailedPrecondition);
+  Check(owner->Close());
+  Open(file_);
+}
+
+TEST_F(SqliteFileTest, ToolsReadBesideTheOwner) {
+  const auto owner = Open(file_);
+  const auto tool = Open(file_, {.read_only = true});
+  AddSceneTo(*owner);
+  EXPECT_EQ(Value(Value(tool->Read())->ListMaps()).size(), 1U);
+  EXPECT_THAT(tool->Write({}, [](MapWriter&) { return absl::OkStatus(); }), HasCode(StatusCode::kFailedPrecondition));
+}
+
+TEST_F(SqliteFileTest, ToolsCreateNothing) {
+  RefusalOf(file_, StatusCode::kNotFound, {.read_only = true});
+  EXPECT_TRUE(std::filesystem::is_empty(folder_.path()));
+  WriteFile(file_, "");
+  EXPECT_THAT(RefusalOf(file_, StatusCode::kFailedPrecondition, {.read_only = true}), HasSubstr("empty"));
+}
+
+TEST_F(SqliteFileTest, DamagedRowsAreReportedByName) {
+  Scene scene;
+  FrameId frame;
+  MapPointId point;
+  {
+    const auto store = Open(file_);
+    scene = AddSceneTo(*store);
+    Check(Upload(*store, scene, 0, 100));
+    Check(store->Write({}, [&](MapWriter& writer) {
+      point = Value(writer.InsertPoint(scene.map, TestPoint(scene.session, 1, {1, 1, 1})));
+      return writer.PutTileBlob(scene.map, {0, 0, 0}, {.revision = Revision(2), .bytes = "tile"});
+    }));
+    frame = *Value(Value(store->Read())->FindFrame(scene.session, 0));
+  }
+  RunSql(
+      file_,
+      "UPDATE keyframe_log SET packet = CAST('x' || packet AS BLOB); UPDATE tile_blobs SET blob = CAST('bad' AS BLOB);"
+      "UPDATE frame_observations SET observations = x'00'; UPDATE points SET descriptor = x'00';");
+  const auto store = Open(file_);
+  const auto reader = Value(store->Read());
+  EXPECT_THAT(reader->GetPacket(frame), HasCode(StatusCode::kDataLoss));
+  EXPECT_THAT(std::string(reader->GetTileBlob(scene.map, {0, 0, 0}).status().message()), HasSubstr("tile 0/0/0"));
+  EXPECT_THAT(reader->GetObservations(frame), HasCode(StatusCode::kDataLoss));
+  EXPECT_THAT(reader->GetPoints(std::span(&point, 1)), HasCode(StatusCode::kDataLoss));
+  EXPECT_EQ(Value(reader->GetFrame(frame)).number, 0U) << "the rest stays readable";
+}
+
+/// Uploads until the disk is full, then expects that nothing of the failed one stays and that reads go on.
+uint32_t FillUp(MapStore& store, const Scene& scene) {
+  uint32_t number = 0;
+  Status status;
+  while ((status = Upload(store, scene, number, 100'000)).ok()) ++number;
+  EXPECT_THAT(status, HasCode(StatusCode::kResourceExhausted));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("disk full"));
+  const auto reader = Value(store.Read());
+  EXPECT_EQ(Value(reader->GetSession(scene.session)).num_keyframes, number);
+  EXPECT_EQ(Value(reader->ListFrames(scene.map, scene.session)).size(), number);
+  EXPECT_EQ(Value(reader->FindFrame(scene.session, number)), std::nullopt);
+  EXPECT_EQ(Value(reader->GetMap(scene.map)).revision, Revision(number));
+  return number;
+}
+
+TEST_F(SqliteFileTest, FullFileTakesNothingMoreUntilThereIsRoom) {
+  const auto store = Open(file_, {.max_pages = 128});
+  const Scene kitchen = AddSceneTo(*store, "kitchen");
+  const Scene garage = AddSceneTo(*store, "garage");
+  EXPECT_GT(FillUp(*store, kitchen), 3U);
+  EXPECT_THAT(Upload(*store, garage, 0, 100'000), HasCode(StatusCode::kResourceExhausted));
+  Check(store->Write({}, [&](MapWriter& writer) { return writer.DeleteMap(kitchen.map); }));
+  EXPECT_TRUE(Upload(*store, garage, 0, 100'000).ok());
+}
+
+TEST_F(SqliteFileTest, FullDiskTakesNothingMoreUntilThereIsRoom) {
+  const std::string disk = folder_.File("disk");
+  std::filesystem::create_directory(disk);
+  if (mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=4m") != 0) GTEST_SKIP() << "needs the right to mount";
+  {
+    const std::string ballast = disk + "/ballast";
+    WriteFile(ballast, std::string(2 << 20, 'x'));
+    const auto store = Open(disk + "/maps.db");
+    const Scene scene = AddSceneTo(*store);
+    const uint32_t number = FillUp(*store, scene);
+    std::filesystem::remove(ballast);
+    EXPECT_TRUE(Upload(*store, scene, number, 100'000).ok());
+    EXPECT_EQ(Value(Value(store->Read())->GetSession(scene.session)).num_keyframes, number + 1);
+  }
+  umount(disk.c_str());
+}
+
+}  // namespace
+}  // namespace mapp
