@@ -83,8 +83,9 @@ class Sheet {
     double cell = std::max(coarsest_m * canvas_.texels_per_m, 1.0);
     for (; cell >= 1.0; cell /= 2.0, amplitude *= 0.75) {
       cv::Mat coarse(static_cast<int>(mat_.rows / cell) + 2, static_cast<int>(mat_.cols / cell) + 2, CV_32FC1);
-      for (auto it = coarse.begin<float>(); it != coarse.end<float>(); ++it) {
-        *it = static_cast<float>(rng_.Uniform(-amplitude, amplitude));
+      for (int row = 0; row < coarse.rows; ++row) {
+        std::generate_n(coarse.ptr<float>(row), coarse.cols,
+                        [&] { return static_cast<float>(rng_.Uniform(-amplitude, amplitude)); });
       }
       cv::Mat fine;
       cv::resize(coarse, fine, mat_.size(), 0, 0, cv::INTER_LINEAR);

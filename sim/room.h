@@ -22,7 +22,8 @@ Camera RoomCamera();
 /// T_world_camera at 15 Hz, 150 poses, the same for every room; at most 4 cm and 2.5 degrees from one to the next.
 /// Session 0 walks round the table and looks around, but never at one corner of the room. Session 1 starts elsewhere
 /// and looks the other way, sees mostly what session 0 saw, and that corner in between. Each further session starts
-/// at a place of its own. Times of different sessions do not overlap. `session` >= 0.
+/// at a place of its own. Times of different sessions do not overlap. `session` in
+/// [0, 1000000].
 std::vector<StampedPose> RoomTrajectory(int session);
 
 struct RoomOptions {

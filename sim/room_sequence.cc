@@ -18,6 +18,7 @@ namespace fs = std::filesystem;
 constexpr double kDepthUnitsPerMetre = 5000;  // the TUM data set's: 0.2 mm, up to 13 m
 constexpr double kRateHz = 15;
 constexpr int kMaxThreads = 256;
+constexpr int kMaxSession = 1'000'000;  // their times follow each other
 
 class RoomSequence final : public Sequence {
  public:
@@ -58,8 +59,8 @@ class RoomSequence final : public Sequence {
 };
 
 Status CheckOptions(const RoomOptions& options) {
-  if (options.session < 0) {
-    return absl::InvalidArgumentError(fmt::format("session: must not be negative, got {}", options.session));
+  if (options.session < 0 || options.session > kMaxSession) {
+    return absl::InvalidArgumentError(fmt::format("session: must be in [0, {}], got {}", kMaxSession, options.session));
   }
   if (options.num_threads < 1 || options.num_threads > kMaxThreads) {
     return absl::InvalidArgumentError(

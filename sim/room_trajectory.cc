@@ -89,7 +89,7 @@ Pose3 PoseAt(const Walk& walk, int frame) {
 std::vector<StampedPose> RoomTrajectory(int session) {
   MAPP_CHECK(session >= 0);
   const Walk walk = WalkOf(session);
-  const int64_t start_ns = (session + 1) * kSecondsBetweenSessions * kNanosecondsPerSecond;
+  const int64_t start_ns = (int64_t{session} + 1) * kSecondsBetweenSessions * kNanosecondsPerSecond;
   std::vector<StampedPose> poses;
   for (int frame = 0; frame < kNumFrames; ++frame) {
     poses.push_back({start_ns + frame * kNanosecondsPerSecond / kRateHz, PoseAt(walk, frame)});

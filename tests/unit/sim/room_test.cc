@@ -17,11 +17,45 @@ namespace {
 
 constexpr uint64_t kSeed = 1;
 
-int CountOrbCorners(const GrayImage& image) {
-  const cv::Mat mat(image.height, image.width, CV_8UC1, const_cast<uint8_t*>(image.pixels.data()));
+struct OrbFeatures {
   std::vector<cv::KeyPoint> corners;
-  cv::ORB::create(1000)->detect(mat, corners);
-  return static_cast<int>(corners.size());
+  cv::Mat descriptors;
+};
+
+OrbFeatures Extract(const GrayImage& image) {
+  cv::Mat mat(image.height, image.width, CV_8UC1);
+  std::ranges::copy(image.pixels, mat.ptr<uint8_t>());
+  OrbFeatures features;
+  cv::ORB::create(1000)->detectAndCompute(mat, cv::noArray(), features.corners, features.descriptors);
+  return features;
+}
+
+/// Mutual best matches between a frame of `a` and one of `b`: how many there are, and how many of them join pixels
+/// within 6 px of what true poses and depth say.
+struct MatchCount {
+  int num_matches = 0;
+  int num_true = 0;
+};
+MatchCount Match(const Sequence& a, size_t frame_a, const Sequence& b, size_t frame_b) {
+  constexpr float kMaxHamming = 50;
+  const SequenceFrame image_a = a.Read(frame_a).value();
+  const OrbFeatures features_a = Extract(image_a.gray);
+  const OrbFeatures features_b = Extract(b.Read(frame_b).value().gray);
+  const Pose3 T_b_a = b.ground_truth()[frame_b].T_world_camera.Inverse() * a.ground_truth()[frame_a].T_world_camera;
+  std::vector<cv::DMatch> matches;
+  cv::BFMatcher(cv::NORM_HAMMING, true).match(features_a.descriptors, features_b.descriptors, matches);
+  MatchCount count;
+  for (const cv::DMatch& match : matches) {
+    if (match.distance > kMaxHamming) continue;
+    ++count.num_matches;
+    const cv::Point2f pixel_a = features_a.corners[static_cast<size_t>(match.queryIdx)].pt;
+    const cv::Point2f pixel_b = features_b.corners[static_cast<size_t>(match.trainIdx)].pt;
+    const float depth_m = image_a.depth_m.at(cvRound(pixel_a.x), cvRound(pixel_a.y));
+    const Eigen::Vector3d p_b = T_b_a * (depth_m * a.camera().Unproject({pixel_a.x, pixel_a.y}));
+    const Eigen::Vector2d expected_b = b.camera().Project(p_b);
+    count.num_true += (expected_b - Eigen::Vector2d(pixel_b.x, pixel_b.y)).norm() < 6 ? 1 : 0;
+  }
+  return count;
 }
 
 std::unique_ptr<Sequence> Open(uint64_t seed, int session) {
@@ -39,7 +73,7 @@ TEST_P(RoomTest, ViewsAreFullOfCornersAndClosedOnAllSides) {
   for (size_t i = 0; i < sequence->num_frames(); i += 10, ++num_frames) {
     const auto frame = sequence->Read(i);
     ASSERT_TRUE(frame.ok()) << frame.status();
-    num_rich += CountOrbCorners(frame->gray) >= 800 ? 1 : 0;
+    num_rich += Extract(frame->gray).corners.size() >= 800 ? 1 : 0;
     const auto [nearest, farthest] = std::ranges::minmax(frame->depth_m.pixels);
     EXPECT_GT(nearest, 0.3F) << "frame " << i;  // no hole, and the camera in no piece of furniture
     EXPECT_LT(farthest, 8.0F) << "frame " << i;
@@ -122,6 +156,18 @@ TEST(RoomSequenceTest, IsTheSameEachTimeAndOtherwiseForAnotherSeedOrSession) {
   EXPECT_EQ(first->gray.pixels, again->gray.pixels);
   EXPECT_EQ(first->depth_m.pixels, again->depth_m.pixels);
   EXPECT_NE(first->gray.pixels, other_room->gray.pixels);
+}
+
+TEST(RoomSessionsTest, ViewsMatchWithinAndBetweenSessionsButNotBetweenRooms) {
+  const auto first = Open(kSeed, 0);
+  const auto second = Open(kSeed, 1);
+  EXPECT_GT(Match(*first, 0, *first, 5).num_true, 200);
+  const MatchCount same_side = Match(*first, 40, *second, 0);
+  EXPECT_GT(same_side.num_true, 200);
+  const MatchCount nearer = Match(*first, 124, *second, 60);  // the same wall from 1.1 m elsewhere
+  EXPECT_GT(nearer.num_true, 60);
+  EXPECT_GT(nearer.num_true, nearer.num_matches * 3 / 4);
+  EXPECT_LT(Match(*first, 60, *Open(kSeed + 1, 0), 60).num_matches, 80);
 }
 
 TEST(RoomSequenceTest, DescribesItself) {
