@@ -134,18 +134,6 @@ StatusOr<TileKey> TileKeyFromProto(uint64_t packed, const std::string& field) {
   return TileKey::FromPacked(packed);
 }
 
-Status ValidateName(const std::string& name, const std::string& field) {
-  if (name.empty() || name.size() > kMaxNameLength) {
-    return Invalid(field, fmt::format("must be 1 to {} bytes, got {}", kMaxNameLength, name.size()));
-  }
-  const bool has_control = std::any_of(name.begin(), name.end(), [](char c) {
-    const auto byte = static_cast<unsigned char>(c);
-    return byte < 0x20 || byte == 0x7f;
-  });
-  if (has_control) return Invalid(field, "must not contain control characters");
-  return absl::OkStatus();
-}
-
 Status ValidateRange(double value, double low, double high, const std::string& field) {
   if (value >= low && value <= high) return absl::OkStatus();
   return Invalid(field, fmt::format("must be in [{}, {}], got {}", low, high, value));

@@ -32,11 +32,6 @@ StatusOr<SessionId> SessionIdFromProto(uint32_t id, const std::string& field);
 /// Refuses bits that TileKey::Packed never sets.
 StatusOr<TileKey> TileKeyFromProto(uint64_t packed, const std::string& field);
 
-/// Greatest length of the names of maps and devices, bytes of UTF-8.
-inline constexpr size_t kMaxNameLength = 128;
-/// 1 to kMaxNameLength bytes without control characters, which would break the operators' tables and logs.
-Status ValidateName(const std::string& name, const std::string& field);
-
 /// INVALID_ARGUMENT unless `value` is finite and within [low, high].
 Status ValidateRange(double value, double low, double high, const std::string& field);
 

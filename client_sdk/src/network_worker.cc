@@ -59,7 +59,25 @@ Status NetworkWorker::Process(const KeyframeJob& job) {
                      progress_.state() == ParticipantState::kRegistering;
   Keyframe keyframe = job.keyframe;
   if (job.localized_on_map) PlaceInMap(keyframe);
-  return whole ? Upload(keyframe) : Expand(std::move(keyframe));
+  if (!whole) return Expand(std::move(keyframe));
+  MAPP_RETURN_IF_ERROR(Upload(keyframe));
+  if (options_.policy == UploadPolicy::kMap) last_registering_ = std::move(keyframe);
+  return absl::OkStatus();
+}
+
+void NetworkWorker::Handle(const AlignedJob&) {
+  if (!last_registering_ || progress_.state() != ParticipantState::kExpanding) return;
+  const Keyframe keyframe = *std::exchange(last_registering_, std::nullopt);
+  const OwnPoints own = OwnPointsOf(keyframe, camera_);
+  if (own.p_camera.empty()) return;
+  const StatusOr<std::optional<OverlapCount>> count = Assess(keyframe, own);
+  if (!count.ok()) {
+    NoteError(progress_, count.status());
+    return;
+  }
+  if (!*count || (*count)->overlap < options_.seen_overlap) return;
+  const StatusOr<bool> shared = Share(keyframe, (*count)->overlap, Patience::kRetry);
+  if (!shared.ok()) NoteError(progress_, shared.status());
 }
 
 Status NetworkWorker::Upload(const Keyframe& keyframe) {

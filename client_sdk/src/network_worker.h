@@ -28,6 +28,8 @@ class NetworkWorker {
  private:
   void Handle(const KeyframeJob& job);
   void Handle(const FailureJob& job);
+  /// Asks about the keyframe uploaded last as if it were new: the map around it may serve from here on.
+  void Handle(const AlignedJob& job);
 
   /// Once, whatever comes of it.
   Status Process(const KeyframeJob& job);
@@ -59,6 +61,7 @@ class NetworkWorker {
   SharedTiles tiles_;
   Rng rng_;
   uint32_t num_shared_maps_ = 0;
+  std::optional<Keyframe> last_registering_;  // uploaded last while the session was a fragment
 };
 
 }  // namespace mapp

@@ -51,6 +51,7 @@ void SessionProgress::CloseIntake() {
 
 std::string SessionProgress::Missing(bool compared) const {
   if (!queue_.empty() || busy_) return fmt::format("{} keyframes are not sent yet", queue_.size() + (busy_ ? 1 : 0));
+  if (just_aligned_) return "the map around the aligned keyframe is not asked for yet";
   if (failure_in_hand_) return "a failure on the shared map is not resolved yet";
   if (!compared || T_map_session_ || !last_unaligned_upload_) return "";
   if (last_compared_ && *last_compared_ >= *last_unaligned_upload_) return "";
@@ -83,10 +84,12 @@ Status SessionProgress::WaitForWatch(std::chrono::steady_clock::time_point deadl
 
 std::optional<Job> SessionProgress::NextJob() {
   MutexLock lock(mutex_);
-  while (!stopped_ && !failure_ && queue_.empty()) changed_.Wait(mutex_);
+  while (!stopped_ && !failure_ && queue_.empty() && !just_aligned_) changed_.Wait(mutex_);
   if (stopped_) return std::nullopt;
   busy_ = true;
   if (failure_) return *std::exchange(failure_, std::nullopt);
+  // A keyframe that waits is newer than the uploaded one, and asks by itself.
+  if (std::exchange(just_aligned_, false) && queue_.empty()) return AlignedJob{};
   KeyframeJob job = std::move(queue_.front());
   queue_.pop_front();
   return job;
@@ -120,7 +123,9 @@ void SessionProgress::OnUploaded(uint32_t number, const ClientUpload& upload) {
 void SessionProgress::Align(const Pose3& T_map_session, uint32_t keyframe) {
   T_map_session_ = T_map_session;
   if (!stats_.aligned_at_keyframe) stats_.aligned_at_keyframe = keyframe;
-  if (state_ == ParticipantState::kRegistering) state_ = ParticipantState::kExpanding;
+  if (state_ != ParticipantState::kRegistering) return;
+  state_ = ParticipantState::kExpanding;
+  just_aligned_ = last_unaligned_upload_.has_value();
 }
 
 void SessionProgress::OnSharedMap(uint32_t number) {
@@ -143,7 +148,7 @@ void SessionProgress::OnLeftSharedMap() {
   changed_.NotifyAll();
 }
 
-std::vector<TileKey> SessionProgress::TakeChangedTiles() {
+std::map<TileKey, Revision> SessionProgress::TakeChangedTiles() {
   MutexLock lock(mutex_);
   return std::exchange(changed_tiles_, {});
 }
@@ -167,10 +172,10 @@ struct SessionProgress::EventVisitor {
     progress.T_map_session_ = event.T_map_session;
   }
   void operator()(const TilesChangedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
-    auto& changed = progress.changed_tiles_;
-    changed.insert(changed.end(), event.keys.begin(), event.keys.end());
-    std::sort(changed.begin(), changed.end());
-    changed.erase(std::unique(changed.begin(), changed.end()), changed.end());
+    for (const TileKey& key : event.keys) {
+      Revision& revision = progress.changed_tiles_[key];
+      revision = std::max(revision, event.revision);
+    }
   }
   void operator()(const OptimizedEvent&) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
     progress.optimized_ = true;

@@ -6,6 +6,7 @@
 #include <chrono>
 #include <deque>
 #include <functional>
+#include <map>
 #include <optional>
 #include <string>
 #include <variant>
@@ -25,7 +26,9 @@ struct FailureJob {
   std::optional<Keyframe> keyframe;  ///< whole keyframe of that frame, when the adapter could make one
   int num_maps_tried = 0;            ///< further shared maps asked for since the device last localised
 };
-using Job = std::variant<KeyframeJob, FailureJob>;
+/// A fragment was just aligned and no keyframe waits: what was uploaded last may lie where the map is known.
+struct AlignedJob {};
+using Job = std::variant<KeyframeJob, FailureJob, AlignedJob>;
 
 /// Where a session stands: the queue and the state that the app's thread, the network thread and the watch
 /// thread share. Knows nothing of the network. Thread-safe.
@@ -47,7 +50,7 @@ class SessionProgress {
   Status WaitForWatch(std::chrono::steady_clock::time_point deadline);
 
   // From the network thread.
-  /// Blocks; nullopt after Stop(). Failures come before keyframes. JobDone() must follow.
+  /// Blocks; nullopt after Stop(). Failures come before keyframes, these before AlignedJob. JobDone() must follow.
   std::optional<Job> NextJob();
   void JobDone();
   /// Puts a keyframe of a failed frame at the queue's head, numbered after all keyframes so far.
@@ -55,8 +58,8 @@ class SessionProgress {
   void OnUploaded(uint32_t number, const ClientUpload& upload);
   void OnSharedMap(uint32_t number);  ///< the adapter is about to get it
   void OnLeftSharedMap();
-  /// Tiles that the server has changed since the last call.
-  std::vector<TileKey> TakeChangedTiles();
+  /// Tiles that the server has changed since the last call, and the revisions that did it.
+  std::map<TileKey, Revision> TakeChangedTiles();
   void UpdateStats(const std::function<void(ParticipantStats&)>& change);
 
   // From the watch thread.
@@ -97,6 +100,7 @@ class SessionProgress {
   // Registering: uploads the server has yet to compare with the map.
   std::optional<uint32_t> last_unaligned_upload_ ABSL_GUARDED_BY(mutex_);
   std::optional<uint32_t> last_compared_ ABSL_GUARDED_BY(mutex_);
+  bool just_aligned_ ABSL_GUARDED_BY(mutex_) = false;  // an AlignedJob is due
 
   // Sharing.
   uint32_t shared_map_number_ ABSL_GUARDED_BY(mutex_) = 0;
@@ -104,7 +108,7 @@ class SessionProgress {
   bool failure_in_hand_ ABSL_GUARDED_BY(mutex_) = false;  // from BeginFailure until a new map or leaving
   int num_maps_tried_ ABSL_GUARDED_BY(mutex_) = 0;
   std::optional<FailureJob> failure_ ABSL_GUARDED_BY(mutex_);
-  std::vector<TileKey> changed_tiles_ ABSL_GUARDED_BY(mutex_);
+  std::map<TileKey, Revision> changed_tiles_ ABSL_GUARDED_BY(mutex_);
 
   int num_watch_starts_ ABSL_GUARDED_BY(mutex_) = 0;
   int num_watch_starts_seen_ ABSL_GUARDED_BY(mutex_) = 0;  // by WaitForWatch and WaitForOptimization

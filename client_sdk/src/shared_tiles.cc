@@ -25,8 +25,11 @@ std::vector<ClientHeldTile> SharedTiles::Held() const {
   return held;
 }
 
-void SharedTiles::Forget(std::span<const TileKey> keys) {
-  for (const TileKey& key : keys) tiles_.erase(key);
+void SharedTiles::Forget(const std::map<TileKey, Revision>& changed) {
+  std::erase_if(tiles_, [&](const auto& held) {
+    const auto change = changed.find(held.first);
+    return change != changed.end() && held.second.revision < change->second;
+  });
 }
 
 void SharedTiles::Put(std::vector<Tile> tiles) {

@@ -7,7 +7,6 @@
 
 #include <map>
 #include <memory>
-#include <span>
 #include <vector>
 
 namespace mapp {
@@ -19,8 +18,9 @@ class SharedTiles {
   SharedTiles(double tile_edge_m, size_t max_tiles) : grid_{.edge_m = tile_edge_m}, max_tiles_(max_tiles) {}
 
   std::vector<ClientHeldTile> Held() const;
-  /// Tiles that have changed at the server, or vanished from it.
-  void Forget(std::span<const TileKey> keys);
+  /// Drops what is older than the revision that changed it. Tiles that are still there come anew with the next request;
+  /// those that have lost all their points never would.
+  void Forget(const std::map<TileKey, Revision>& changed);
   /// Newly received tiles, which replace older ones.
   void Put(std::vector<Tile> tiles);
   /// All points of the tiles that may meet the cone, moved to the session's frame.

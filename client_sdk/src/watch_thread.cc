@@ -30,6 +30,7 @@ StatusOr<std::optional<ClientEvent>> ToClientEvent(const v1::WatchSessionRespons
     }
     case v1::WatchSessionResponse::kTilesChanged: {
       TilesChangedEvent event;
+      event.revision = Revision(response.tiles_changed().map_revision());
       for (const uint64_t packed : response.tiles_changed().keys()) {
         MAPP_ASSIGN_OR_RETURN(const TileKey key, TileKeyFromProto(packed, "tiles_changed.keys"));
         event.keys.push_back(key);

@@ -18,7 +18,6 @@ grpc::Status AdminServiceHandler::ListMaps(grpc::ServerContext* context, const v
 grpc::Status AdminServiceHandler::GetMap(grpc::ServerContext* context, const v1::GetMapRequest* request,
                                          v1::GetMapResponse* response) {
   return runner_.Unary("GetMap", *context, *request, *response, [&](const Call& call) -> Status {
-    MAPP_RETURN_IF_ERROR(ValidateName(request->name(), "name"));
     MAPP_ASSIGN_OR_RETURN(const MapRecord map, service_.GetMap(call.context, request->name()));
     MAPP_ASSIGN_OR_RETURN(const std::vector<TileRecord> tiles, service_.ListTiles(call.context, map.id));
     v1::MapInfo& info = *response->mutable_map();
@@ -35,7 +34,6 @@ grpc::Status AdminServiceHandler::GetMap(grpc::ServerContext* context, const v1:
 grpc::Status AdminServiceHandler::DeleteMap(grpc::ServerContext* context, const v1::DeleteMapRequest* request,
                                             v1::DeleteMapResponse* response) {
   return runner_.Unary("DeleteMap", *context, *request, *response, [&](const Call& call) -> Status {
-    MAPP_RETURN_IF_ERROR(ValidateName(request->name(), "name"));
     MAPP_ASSIGN_OR_RETURN(const MapRecord deleted, service_.DeleteMap(call.context, request->name(), request->force()));
     response->set_num_frames(static_cast<uint64_t>(deleted.num_frames));
     response->set_num_points(static_cast<uint64_t>(deleted.num_points));

@@ -1,4 +1,3 @@
-#include "api/convert/convert.h"
 #include "server/rpc/admin_service_handler.h"
 #include "server/rpc/record_protos.h"
 
@@ -48,7 +47,6 @@ class ExportWriter {
 grpc::Status AdminServiceHandler::ExportMap(grpc::ServerContext* context, const v1::ExportMapRequest* request,
                                             grpc::ServerWriter<v1::ExportMapResponse>* writer) {
   return runner_.Stream("ExportMap", *context, *request, [&](Call& call) -> Status {
-    MAPP_RETURN_IF_ERROR(ValidateName(request->name(), "name"));
     ExportWriter out(*writer, call);
     MAPP_RETURN_IF_ERROR(service_.ExportMap(
         call.context, request->name(),

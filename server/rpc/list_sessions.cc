@@ -1,4 +1,3 @@
-#include "api/convert/convert.h"
 #include "server/rpc/admin_service_handler.h"
 #include "server/rpc/record_protos.h"
 
@@ -9,7 +8,6 @@ namespace mapp {
 grpc::Status AdminServiceHandler::ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest* request,
                                                v1::ListSessionsResponse* response) {
   return runner_.Unary("ListSessions", *context, *request, *response, [&](const Call& call) -> Status {
-    if (!request->map_name().empty()) MAPP_RETURN_IF_ERROR(ValidateName(request->map_name(), "map_name"));
     MAPP_ASSIGN_OR_RETURN(const std::vector<SessionRecord> sessions,
                           service_.ListSessions(call.context, request->map_name()));
     MAPP_ASSIGN_OR_RETURN(const std::vector<MapRecord> maps, service_.ListMaps(call.context));

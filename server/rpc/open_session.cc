@@ -6,8 +6,6 @@ namespace {
 
 StatusOr<OpenSessionInput> Decode(const v1::OpenSessionRequest& request) {
   OpenSessionInput input;
-  MAPP_RETURN_IF_ERROR(ValidateName(request.map_name(), "map_name"));
-  MAPP_RETURN_IF_ERROR(ValidateName(request.device(), "device"));
   MAPP_ASSIGN_OR_RETURN(input.sensor, FromProto(request.sensor(), "sensor"));
   if (!request.has_camera()) return absl::InvalidArgumentError("camera: must be set");
   MAPP_ASSIGN_OR_RETURN(input.camera, FromProto(request.camera(), "camera"));

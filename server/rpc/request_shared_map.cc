@@ -6,10 +6,8 @@
 namespace mapp {
 namespace {
 
-/// alpha of the paper: what 0 in the request stands for, and the range of the rest.
+/// alpha of the paper: what 0 in the request stands for.
 constexpr double kDefaultOversharing = 1.3;
-constexpr double kMinOversharing = 1.0;
-constexpr double kMaxOversharing = 4.0;
 /// A device that holds more tiles than this should name those nearest to it.
 constexpr int kMaxHeldTiles = 65536;
 
@@ -32,12 +30,7 @@ StatusOr<SharedMapInput> Decode(const v1::RequestSharedMapRequest& request) {
   SharedMapInput input;
   MAPP_ASSIGN_OR_RETURN(input.session, SessionIdFromProto(request.session_id(), "session_id"));
   MAPP_ASSIGN_OR_RETURN(input.view, DecodeViewQuery(request.view()));
-  input.oversharing = kDefaultOversharing;
-  // Not `!= 0`: NaN must reach the range check.
-  if (!(request.oversharing() == 0)) {
-    MAPP_RETURN_IF_ERROR(ValidateRange(request.oversharing(), kMinOversharing, kMaxOversharing, "oversharing"));
-    input.oversharing = request.oversharing();
-  }
+  input.oversharing = request.oversharing() == 0 ? kDefaultOversharing : request.oversharing();
   MAPP_RETURN_IF_ERROR(ValidateRange(request.overlap(), 0, 1, "overlap"));
   MAPP_ASSIGN_OR_RETURN(input.held_tiles, DecodeHeldTiles(request));
   input.max_bytes = request.max_bytes();

@@ -87,6 +87,7 @@ struct CorrectedEvent {
 };
 struct TilesChangedEvent {
   std::vector<TileKey> keys;
+  Revision revision;  ///< of the map at the change
 };
 struct OptimizedEvent {
   bool applied = false;

@@ -1,0 +1,215 @@
+#include "fake_map_service.h"
+
+#include "api/convert/convert.h"
+#include "mapp/codec/keyframe_codec.h"
+#include "mapp/codec/query_codec.h"
+#include "mapp/codec/tile_codec.h"
+
+#include <fmt/format.h>
+#include <grpcpp/server_builder.h>
+
+#include <algorithm>
+
+namespace mapp {
+namespace {
+
+grpc::Status Next(std::deque<grpc::StatusCode>& errors) {
+  if (errors.empty()) return grpc::Status::OK;
+  const grpc::StatusCode code = errors.front();
+  errors.pop_front();
+  return {code, "as the test wants it"};
+}
+
+}  // namespace
+
+FakeMapService::FakeMapService() {
+  grpc::ServerBuilder builder;
+  builder.AddListeningPort("127.0.0.1:0", grpc::InsecureServerCredentials(), &port_);
+  builder.RegisterService(this);
+  server_ = builder.BuildAndStart();
+}
+
+FakeMapService::~FakeMapService() { Stop(); }
+
+std::string FakeMapService::address() const { return fmt::format("127.0.0.1:{}", port_); }
+
+void FakeMapService::Stop() {
+  {
+    MutexLock lock(mutex_);
+    stopping_ = true;
+    changed_.NotifyAll();
+  }
+  server_->Shutdown(std::chrono::system_clock::now());
+  server_->Wait();
+}
+
+void FakeMapService::Change(const std::function<void(Script&)>& change) {
+  MutexLock lock(mutex_);
+  change(script_);
+}
+
+void FakeMapService::Send(const v1::WatchSessionResponse& event) {
+  MutexLock lock(mutex_);
+  events_.push_back(event);
+  changed_.NotifyAll();
+}
+
+void FakeMapService::BreakWatch() {
+  MutexLock lock(mutex_);
+  ++watches_to_break_;
+  changed_.NotifyAll();
+}
+
+std::vector<Keyframe> FakeMapService::uploads() const {
+  MutexLock lock(mutex_);
+  return uploads_;
+}
+std::vector<v1::AssessOverlapRequest> FakeMapService::queries() const {
+  MutexLock lock(mutex_);
+  return queries_;
+}
+std::vector<v1::RequestSharedMapRequest> FakeMapService::shared_map_requests() const {
+  MutexLock lock(mutex_);
+  return shared_map_requests_;
+}
+std::vector<Keyframe> FakeMapService::reported() const {
+  MutexLock lock(mutex_);
+  return reported_;
+}
+int FakeMapService::num_upload_attempts() const {
+  MutexLock lock(mutex_);
+  return num_upload_attempts_;
+}
+int FakeMapService::num_closes() const {
+  MutexLock lock(mutex_);
+  return num_closes_;
+}
+int FakeMapService::num_watches() const {
+  MutexLock lock(mutex_);
+  return num_watches_;
+}
+
+grpc::Status FakeMapService::OpenSession(grpc::ServerContext*, const v1::OpenSessionRequest*,
+                                         v1::OpenSessionResponse* response) {
+  response->set_session_id(kSession);
+  response->set_map_id(1);
+  response->set_cone_range_m(20);
+  response->set_tile_edge_m(kDefaultTileEdgeM);
+  response->set_max_keyframe_bytes(64 << 10);
+  return grpc::Status::OK;
+}
+
+grpc::Status FakeMapService::AssessOverlap(grpc::ServerContext*, const v1::AssessOverlapRequest* request,
+                                           v1::AssessOverlapResponse* response) {
+  MutexLock lock(mutex_);
+  if (const grpc::Status status = Next(script_.query_errors); !status.ok()) return status;
+  queries_.push_back(*request);
+  response->set_sample_states(EncodeSampleStates(std::vector<bool>(request->num_samples(), script_.samples_redundant)));
+  return grpc::Status::OK;
+}
+
+grpc::Status FakeMapService::UploadPartialKeyframe(grpc::ServerContext*,
+                                                   const v1::UploadPartialKeyframeRequest* request,
+                                                   v1::UploadPartialKeyframeResponse* response) {
+  MutexLock lock(mutex_);
+  ++num_upload_attempts_;
+  if (const grpc::Status status = Next(script_.upload_errors); !status.ok()) return status;
+  const StatusOr<Keyframe> keyframe = DecodeKeyframe(request->keyframe());
+  if (!keyframe.ok()) return {grpc::StatusCode::INVALID_ARGUMENT, "keyframe: does not decode"};
+  const auto same = [&](const Keyframe& stored) { return stored.number == keyframe->number; };
+  response->set_already_stored(std::any_of(uploads_.begin(), uploads_.end(), same));
+  if (!response->already_stored()) uploads_.push_back(*keyframe);
+  if (script_.T_map_session) *response->mutable_pose_map_session() = ToProto(*script_.T_map_session);
+  return grpc::Status::OK;
+}
+
+grpc::Status FakeMapService::RequestSharedMap(grpc::ServerContext*, const v1::RequestSharedMapRequest* request,
+                                              grpc::ServerWriter<v1::RequestSharedMapResponse>* writer) {
+  std::vector<Tile> tiles;
+  {
+    MutexLock lock(mutex_);
+    shared_map_requests_.push_back(*request);
+    if (const grpc::Status status = Next(script_.shared_map_errors); !status.ok()) return status;
+    tiles = script_.tiles;
+  }
+  v1::RequestSharedMapResponse message;
+  uint32_t num_unchanged = 0;
+  for (const Tile& tile : tiles) {
+    const auto held = [&](const v1::HeldTile& h) {
+      return h.key() == tile.key.Packed() && h.revision() == tile.revision.value();
+    };
+    if (std::any_of(request->held_tiles().begin(), request->held_tiles().end(), held)) {
+      ++num_unchanged;
+      continue;
+    }
+    message.set_tile(EncodeTile(tile));
+    writer->Write(message);
+  }
+  message.Clear();
+  message.mutable_summary()->set_num_tiles_unchanged(num_unchanged);
+  writer->Write(message);
+  return grpc::Status::OK;
+}
+
+grpc::Status FakeMapService::ReportUpdate(grpc::ServerContext*, const v1::ReportUpdateRequest* request,
+                                          v1::ReportUpdateResponse* response) {
+  MutexLock lock(mutex_);
+  for (const std::string& packet : request->keyframes()) {
+    const StatusOr<Keyframe> keyframe = DecodeKeyframe(packet);
+    if (!keyframe.ok()) return {grpc::StatusCode::INVALID_ARGUMENT, "keyframes: one does not decode"};
+    reported_.push_back(*keyframe);
+  }
+  response->set_verdict(script_.verdict);
+  return grpc::Status::OK;
+}
+
+grpc::Status FakeMapService::CloseSession(grpc::ServerContext*, const v1::CloseSessionRequest*,
+                                          v1::CloseSessionResponse* response) {
+  MutexLock lock(mutex_);
+  ++num_closes_;
+  response->set_num_keyframes(uploads_.size());
+  response->set_optimization_pending(script_.optimization_pending);
+  return grpc::Status::OK;
+}
+
+grpc::Status FakeMapService::WatchSession(grpc::ServerContext* context, const v1::WatchSessionRequest*,
+                                          grpc::ServerWriter<v1::WatchSessionResponse>* writer) {
+  {
+    MutexLock lock(mutex_);
+    ++num_watches_;
+  }
+  v1::WatchSessionResponse started;
+  started.mutable_started();
+  writer->Write(started);
+  mutex_.Lock();
+  while (!stopping_ && watches_to_break_ == 0 && !context->IsCancelled()) {
+    if (events_.empty()) {
+      // A cancelled call notifies nobody: look again now and then.
+      changed_.WaitUntil(mutex_, std::chrono::steady_clock::now() + std::chrono::milliseconds(20));
+      continue;
+    }
+    const v1::WatchSessionResponse event = events_.front();
+    events_.pop_front();
+    mutex_.Unlock();
+    writer->Write(event);
+    mutex_.Lock();
+  }
+  if (watches_to_break_ > 0) --watches_to_break_;
+  mutex_.Unlock();
+  return {grpc::StatusCode::UNAVAILABLE, "the watch is over"};
+}
+
+v1::WatchSessionResponse AlignedMessage(const Pose3& T_map_session, uint32_t keyframe) {
+  v1::WatchSessionResponse message;
+  *message.mutable_aligned()->mutable_pose_map_session() = ToProto(T_map_session);
+  message.mutable_aligned()->set_keyframe(keyframe);
+  return message;
+}
+
+v1::WatchSessionResponse TriedMessage(uint32_t keyframe) {
+  v1::WatchSessionResponse message;
+  message.mutable_alignment_tried()->set_keyframe(keyframe);
+  return message;
+}
+
+}  // namespace mapp

@@ -1,0 +1,94 @@
+#pragma once
+
+#include "mapp/base/mutex.h"
+#include "mapp/map/keyframe.h"
+#include "mapp/map/tile.h"
+#include "mapp/v1/map_service.grpc.pb.h"
+
+#include <grpcpp/server.h>
+
+#include <deque>
+#include <functional>
+#include <memory>
+#include <string>
+#include <vector>
+
+namespace mapp {
+
+/// A server whose answers a test sets, on a loopback port of its own. Thread-safe.
+class FakeMapService final : public v1::MapService::Service {
+ public:
+  /// What the server answers from now on.
+  struct Script {
+    /// Sent with every upload's answer; none while the session is to stay unaligned.
+    std::optional<Pose3> T_map_session;
+    /// Every sample's state in answers to queries.
+    bool samples_redundant = false;
+    std::vector<Tile> tiles;
+    v1::UpdateVerdict verdict = v1::UPDATE_VERDICT_NONE;
+    bool optimization_pending = false;
+    /// Statuses of the next calls of a method, in order; without one left the call succeeds.
+    std::deque<grpc::StatusCode> upload_errors;
+    std::deque<grpc::StatusCode> query_errors;
+    std::deque<grpc::StatusCode> shared_map_errors;
+  };
+
+  static constexpr uint32_t kSession = 7;
+
+  FakeMapService();
+  ~FakeMapService() override;
+
+  std::string address() const;
+  void Change(const std::function<void(Script&)>& change);
+  /// To the session's watcher, now or once it listens.
+  void Send(const v1::WatchSessionResponse& event);
+  /// Ends the watcher's stream; it may come back.
+  void BreakWatch();
+  /// Stops answering, as a killed server does.
+  void Stop();
+
+  std::vector<Keyframe> uploads() const;  ///< stored, in order
+  std::vector<v1::AssessOverlapRequest> queries() const;
+  std::vector<v1::RequestSharedMapRequest> shared_map_requests() const;
+  std::vector<Keyframe> reported() const;
+  int num_upload_attempts() const;
+  int num_closes() const;
+  int num_watches() const;
+
+  grpc::Status OpenSession(grpc::ServerContext* context, const v1::OpenSessionRequest* request,
+                           v1::OpenSessionResponse* response) override;
+  grpc::Status AssessOverlap(grpc::ServerContext* context, const v1::AssessOverlapRequest* request,
+                             v1::AssessOverlapResponse* response) override;
+  grpc::Status UploadPartialKeyframe(grpc::ServerContext* context, const v1::UploadPartialKeyframeRequest* request,
+                                     v1::UploadPartialKeyframeResponse* response) override;
+  grpc::Status RequestSharedMap(grpc::ServerContext* context, const v1::RequestSharedMapRequest* request,
+                                grpc::ServerWriter<v1::RequestSharedMapResponse>* writer) override;
+  grpc::Status ReportUpdate(grpc::ServerContext* context, const v1::ReportUpdateRequest* request,
+                            v1::ReportUpdateResponse* response) override;
+  grpc::Status CloseSession(grpc::ServerContext* context, const v1::CloseSessionRequest* request,
+                            v1::CloseSessionResponse* response) override;
+  grpc::Status WatchSession(grpc::ServerContext* context, const v1::WatchSessionRequest* request,
+                            grpc::ServerWriter<v1::WatchSessionResponse>* writer) override;
+
+ private:
+  mutable Mutex mutex_;
+  CondVar changed_;
+  Script script_ ABSL_GUARDED_BY(mutex_);
+  std::vector<Keyframe> uploads_ ABSL_GUARDED_BY(mutex_);
+  std::vector<v1::AssessOverlapRequest> queries_ ABSL_GUARDED_BY(mutex_);
+  std::vector<v1::RequestSharedMapRequest> shared_map_requests_ ABSL_GUARDED_BY(mutex_);
+  std::vector<Keyframe> reported_ ABSL_GUARDED_BY(mutex_);
+  std::deque<v1::WatchSessionResponse> events_ ABSL_GUARDED_BY(mutex_);
+  int num_upload_attempts_ ABSL_GUARDED_BY(mutex_) = 0;
+  int num_closes_ ABSL_GUARDED_BY(mutex_) = 0;
+  int num_watches_ ABSL_GUARDED_BY(mutex_) = 0;
+  int watches_to_break_ ABSL_GUARDED_BY(mutex_) = 0;
+  bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+  int port_ = 0;
+  std::unique_ptr<grpc::Server> server_;
+};
+
+v1::WatchSessionResponse AlignedMessage(const Pose3& T_map_session, uint32_t keyframe);
+v1::WatchSessionResponse TriedMessage(uint32_t keyframe);
+
+}  // namespace mapp
