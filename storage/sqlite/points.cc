@@ -183,17 +183,16 @@ Status UpdatePoint(Connection& db, ChangeLedger& ledger, const PointRecord& poin
 
 Status TouchPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point) {
   MAPP_RETURN_IF_ERROR(CheckFinite(point));
+  // Looked up before, as UPDATE ... RETURNING would build a temporary table for each of an upload's 500 points.
+  MAPP_ASSIGN_OR_RETURN(const Standing standing, GetStanding(db, ledger, point.id));
   const std::string observers = EncodeObservers(point.observers);
-  Statement update = db.Prepare(
-      "UPDATE points SET view_direction = ?, descriptor = ?, reference_distance_m = ?, num_observations = ?, "
-      "confidence = ?, observers = ? WHERE point_id = ? RETURNING session_id, tile_id");
-  update.Bind(Blob{DirectionBytes(point.view_direction)}, Blob{point.descriptor.Bytes()}, point.reference_distance_m,
-              point.num_observations, point.confidence, Blob{observers}, point.id);
-  MAPP_ASSIGN_OR_RETURN(const bool has_row, update.Step());
-  if (!has_row) return NoSuchPoint(point.id);
-  if (update.IsNull(1)) return absl::OkStatus();
-  MAPP_ASSIGN_OR_RETURN(const MapId map, ledger.MapOfSession(update.GetId<SessionId>(0)));
-  return ledger.ChangeTile(map, update.Int64(1), 0);
+  MAPP_RETURN_IF_ERROR(
+      db.Prepare("UPDATE points SET view_direction = ?, descriptor = ?, reference_distance_m = ?, num_observations = "
+                 "?, confidence = ?, observers = ? WHERE point_id = ?")
+          .Bind(Blob{DirectionBytes(point.view_direction)}, Blob{point.descriptor.Bytes()}, point.reference_distance_m,
+                point.num_observations, point.confidence, Blob{observers}, point.id)
+          .Run());
+  return standing.tile_id ? ledger.ChangeTile(standing.map, *standing.tile_id, 0) : absl::OkStatus();
 }
 
 Status RetirePoint(Connection& db, ChangeLedger& ledger, MapPointId point, std::optional<MapPointId> fused_into) {
