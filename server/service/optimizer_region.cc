@@ -50,7 +50,7 @@ class RegionLoader {
   Status BuildObservations(OptimizerRegion& region);
   Status BuildFrameObservations(const Member& member, int frame_idx, OptimizerRegion& region);
   void BuildCarried(OptimizerRegion& region) const;
-  static void FixGauge(OptimizerRegion& region);
+  Status FixGauge(OptimizerRegion& region);
   void RememberSnapshot(OptimizerRegion& region) const;
 
   const CallContext& context_;
@@ -240,13 +240,21 @@ void RegionLoader::BuildCarried(OptimizerRegion& region) const {
   }
 }
 
-void RegionLoader::FixGauge(OptimizerRegion& region) {
-  const bool has_fixed = std::any_of(region.problem.frames.begin(), region.problem.frames.end(),
-                                     [](const BundleProblem::Frame& frame) { return frame.fixed; });
-  if (has_fixed) return;
+/// The frame that defined the map's frame stays where it is; a region that neither holds it nor has a border keeps its
+/// earliest frame.
+Status RegionLoader::FixGauge(OptimizerRegion& region) {
+  MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader_.GetMap(region.frames.front().map));
+  bool has_fixed = false;
+  for (size_t i = 0; i < region.frames.size(); ++i) {
+    const FrameRecord& frame = region.frames[i];
+    if (frame.number == 0 && map.founder == frame.session) region.problem.frames[i].fixed = true;
+    has_fixed |= region.problem.frames[i].fixed;
+  }
+  if (has_fixed) return absl::OkStatus();
   const auto earliest = std::min_element(region.frames.begin(), region.frames.end(),
                                          [](const FrameRecord& a, const FrameRecord& b) { return a.id < b.id; });
   region.problem.frames[earliest - region.frames.begin()].fixed = true;
+  return absl::OkStatus();
 }
 
 void RegionLoader::RememberSnapshot(OptimizerRegion& region) const {
@@ -271,7 +279,7 @@ StatusOr<OptimizerRegion> RegionLoader::Load(std::span<const FrameRecord> sessio
   BuildPoints(region);
   MAPP_RETURN_IF_ERROR(BuildObservations(region));
   BuildCarried(region);
-  FixGauge(region);
+  MAPP_RETURN_IF_ERROR(FixGauge(region));
   RememberSnapshot(region);
   return region;
 }

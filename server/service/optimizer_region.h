@@ -44,7 +44,8 @@ struct OptimizerRegion {
 
 /// Reads the region around `session_frames` (frames in the map): they and the frames that share at least
 /// options.min_shared_points points with them are free, at most options.max_free_frames in all; further frames that see
-/// the free points are the fixed border. Without a border the earliest frame is fixed. Empty when there is nothing to
+/// the free points are the fixed border. The founder's first frame is always fixed; the earliest one, where there is
+/// nothing else to hold on to. Empty when there is nothing to
 /// adjust. Errors: the reader's, and CANCELLED or DEADLINE_EXCEEDED of `context`.
 StatusOr<OptimizerRegion> LoadOptimizerRegion(const CallContext& context, MapReader& reader,
                                               std::span<const FrameRecord> session_frames,

@@ -26,10 +26,11 @@ struct Task {
   SessionId session;
 };
 
-/// Place index over one map's frames.
-struct MapIndex {
+/// What is known of one map; all of it can be had again from the store.
+struct MapState {
   PlaceIndex index{PlaceIndex::Options{}};
-  std::unordered_set<FrameId> frames;
+  std::unordered_set<FrameId> indexed_frames;
+  std::unordered_map<SessionId, AlignmentConsensus> fragments;
 };
 
 }  // namespace
@@ -44,25 +45,24 @@ struct Registrar::Impl {
 
   void Run(const Task& task);
   Status Process(const Task& task);
-  Status ProcessFragmentFrame(MapReader& reader, const FrameRecord& frame);
-  /// What one keyframe says, without publishing it.
-  StatusOr<AlignmentTried> TryKeyframe(MapReader& reader, const FrameRecord& frame, AlignmentConsensus& consensus);
-  StatusOr<AlignmentConsensus*> ConsensusOf(MapReader& reader, const FrameRecord& newest);
-  Status Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session);
+  Status ProcessFragmentFrame(MapReader& reader, const FrameRecord& frame, MapState& state);
+  /// Asks one keyframe where its session lies and adds its word to `consensus`.
+  StatusOr<AlignmentTried> TryKeyframe(MapReader& reader, const FrameRecord& frame, const PlaceIndex& index,
+                                       AlignmentConsensus& consensus) const;
+  StatusOr<AlignmentConsensus*> ConsensusOf(MapReader& reader, const FrameRecord& newest, MapState& state) const;
+  Status Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session, MapState& state);
 
-  /// The map's index, filled from the store when it is not up to date.
-  StatusOr<MapIndex*> IndexOf(MapReader& reader, MapId map);
-  static Status AddToIndex(MapReader& reader, FrameId frame, MapIndex& index);
-  static Status AddFrames(MapReader& reader, MapId map, std::optional<SessionId> session, MapIndex& index);
+  /// The map's state, its index filled from the store when that is not up to date.
+  StatusOr<MapState*> StateOf(MapReader& reader, MapId map);
+  static Status AddToIndex(MapReader& reader, FrameId frame, MapState& state);
+  static Status AddFrames(MapReader& reader, MapId map, std::optional<SessionId> session, MapState& state);
 
   MapStore& store;
   TileCache& tiles;
   SessionEvents& events;
   const RegistrarOptions options;
 
-  // Of the worker's thread alone.
-  std::unordered_map<MapId, MapIndex> indices;
-  std::unordered_map<SessionId, AlignmentConsensus> fragments;
+  std::unordered_map<MapId, MapState> maps;  ///< of the worker's thread alone
 
   Mutex mutex;
   /// Maps some of whose frames never reached the queue.
@@ -71,47 +71,46 @@ struct Registrar::Impl {
   SerialWorker<Task> worker;  ///< last: its thread uses all of the above
 };
 
-Status Registrar::Impl::AddToIndex(MapReader& reader, FrameId frame, MapIndex& index) {
-  if (index.frames.contains(frame)) return absl::OkStatus();
+Status Registrar::Impl::AddToIndex(MapReader& reader, FrameId frame, MapState& state) {
+  if (state.indexed_frames.contains(frame)) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame));
-  index.index.Add(frame.value(), view.Descriptors());
-  index.frames.insert(frame);
+  state.index.Add(frame.value(), view.Descriptors());
+  state.indexed_frames.insert(frame);
   return absl::OkStatus();
 }
 
-Status Registrar::Impl::AddFrames(MapReader& reader, MapId map, std::optional<SessionId> session, MapIndex& index) {
+Status Registrar::Impl::AddFrames(MapReader& reader, MapId map, std::optional<SessionId> session, MapState& state) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader.ListFrames(map, session));
   for (const FrameRecord& frame : frames) {
-    if (frame.in_map) MAPP_RETURN_IF_ERROR(AddToIndex(reader, frame.id, index));
+    if (frame.in_map) MAPP_RETURN_IF_ERROR(AddToIndex(reader, frame.id, state));
   }
   return absl::OkStatus();
 }
 
-StatusOr<MapIndex*> Registrar::Impl::IndexOf(MapReader& reader, MapId map) {
+StatusOr<MapState*> Registrar::Impl::StateOf(MapReader& reader, MapId map) {
   bool must_catch_up = false;
   {
     const MutexLock lock(mutex);
     must_catch_up = behind.erase(map) > 0;
   }
-  const auto [index, is_new] = indices.try_emplace(map);
+  const auto [state, is_new] = maps.try_emplace(map);
   if (is_new || must_catch_up) {
-    const Status status = AddFrames(reader, map, std::nullopt, index->second);
+    const Status status = AddFrames(reader, map, std::nullopt, state->second);
     if (!status.ok()) {
       // Half an index would look like a whole one the next time.
-      indices.erase(index);
+      maps.erase(state);
       return status;
     }
   }
-  return &index->second;
+  return &state->second;
 }
 
 StatusOr<AlignmentTried> Registrar::Impl::TryKeyframe(MapReader& reader, const FrameRecord& frame,
-                                                      AlignmentConsensus& consensus) {
-  MAPP_ASSIGN_OR_RETURN(MapIndex* const index, IndexOf(reader, frame.map));
+                                                      const PlaceIndex& index, AlignmentConsensus& consensus) const {
   MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
   std::vector<FrameId> candidates;
   for (const PlaceIndex::Candidate& candidate :
-       index->index.Query(view.Descriptors(), static_cast<size_t>(options.max_candidates))) {
+       index.Query(view.Descriptors(), static_cast<size_t>(options.max_candidates))) {
     candidates.emplace_back(candidate.frame);
   }
   AlignmentTried tried{.keyframe = frame.number, .num_candidates = static_cast<uint32_t>(candidates.size())};
@@ -124,53 +123,53 @@ StatusOr<AlignmentTried> Registrar::Impl::TryKeyframe(MapReader& reader, const F
 
 /// What the fragment's keyframes have said so far. Met for the first time after a start, the fragment's last keyframes
 /// before `newest` are asked again: what they said was only in memory.
-StatusOr<AlignmentConsensus*> Registrar::Impl::ConsensusOf(MapReader& reader, const FrameRecord& newest) {
-  const auto [fragment, is_new] = fragments.try_emplace(newest.session, options);
+StatusOr<AlignmentConsensus*> Registrar::Impl::ConsensusOf(MapReader& reader, const FrameRecord& newest,
+                                                           MapState& state) const {
+  const auto [fragment, is_new] = state.fragments.try_emplace(newest.session, options);
   AlignmentConsensus* const consensus = &fragment->second;
   if (!is_new) return consensus;
   MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> earlier, reader.ListFrames(newest.map, newest.session));
   std::erase_if(earlier, [&](const FrameRecord& frame) { return frame.id >= newest.id; });
   const size_t first = earlier.size() > kKeyframesRevisited ? earlier.size() - kKeyframesRevisited : 0;
   for (size_t i = first; i < earlier.size(); ++i) {
-    MAPP_RETURN_IF_ERROR(TryKeyframe(reader, earlier[i], *consensus).status());
+    MAPP_RETURN_IF_ERROR(TryKeyframe(reader, earlier[i], state.index, *consensus).status());
   }
   return consensus;
 }
 
-Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecord& frame) {
+Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecord& frame, MapState& state) {
   MAPP_ASSIGN_OR_RETURN(const SessionRecord session, reader.GetSession(frame.session));
   if (session.sensor == SensorKind::kMono) {
     events.Publish(frame.session, AlignmentTried{.keyframe = frame.number});
     return absl::OkStatus();
   }
-  MAPP_ASSIGN_OR_RETURN(AlignmentConsensus* const consensus, ConsensusOf(reader, frame));
-  MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, frame, *consensus));
+  MAPP_ASSIGN_OR_RETURN(AlignmentConsensus* const consensus, ConsensusOf(reader, frame, state));
+  MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, frame, state.index, *consensus));
   events.Publish(frame.session, tried);
   const std::optional<Pose3> T_map_session = consensus->Decide();
-  return T_map_session ? Merge(reader, frame, *T_map_session) : absl::OkStatus();
+  return T_map_session ? Merge(reader, frame, *T_map_session, state) : absl::OkStatus();
 }
 
-Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session) {
+Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session,
+                              MapState& state) {
   MAPP_ASSIGN_OR_RETURN(const PointFusions fusions, FindFusions(reader, frame.session, T_map_session));
   MAPP_RETURN_IF_ERROR(MergeFragment(store, tiles, events, CallContext{}, frame.session, T_map_session, fusions));
-  fragments.erase(frame.session);
+  state.fragments.erase(frame.session);
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> merged, store.Read());
-  MAPP_ASSIGN_OR_RETURN(MapIndex* const index, IndexOf(*merged, frame.map));
-  return AddFrames(*merged, frame.map, frame.session, *index);
+  return AddFrames(*merged, frame.map, frame.session, state);
 }
 
 Status Registrar::Impl::Process(const Task& task) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
   // The session may have merged since the frame was stored: the store knows.
   MAPP_ASSIGN_OR_RETURN(const FrameRecord frame, reader->GetFrame(*task.frame));
-  if (!frame.in_map) return ProcessFragmentFrame(*reader, frame);
-  MAPP_ASSIGN_OR_RETURN(MapIndex* const index, IndexOf(*reader, frame.map));
-  return AddToIndex(*reader, frame.id, *index);
+  MAPP_ASSIGN_OR_RETURN(MapState* const state, StateOf(*reader, frame.map));
+  return frame.in_map ? AddToIndex(*reader, frame.id, *state) : ProcessFragmentFrame(*reader, frame, *state);
 }
 
 void Registrar::Impl::Run(const Task& task) {
   if (!task.frame) {
-    indices.erase(task.map);
+    maps.erase(task.map);
     return;
   }
   const Status status = Process(task);

@@ -17,7 +17,7 @@ struct RegistrarOptions {
   int min_inliers = 30;           ///< map points matched and consistent, per keyframe
   double min_inlier_ratio = 0.4;  ///< of the matches offered to the final guided check
   /// Cells of a 4x4 grid over the image that hold inliers: a match confined to one poster or one car tells little.
-  int min_inlier_cells = 5;
+  int min_inlier_cells = 6;
   int min_consistent_keyframes = 3;  ///< that agree before a merge (DESIGN 7)
   /// Two keyframes suffice when both have this many inliers.
   int strong_inliers = 100;

@@ -3,6 +3,7 @@
 #include "datasets/sequence.h"
 #include "vision/matching.h"
 #include "vision/orb_extractor.h"
+#include "vision/stereo_matcher.h"
 
 #include <algorithm>
 #include <cmath>
@@ -106,28 +107,78 @@ const Pose3& NearestTruth(const Sequence& sequence, int64_t stamp_ns) {
       ->T_world_camera;
 }
 
+struct ObservedFrame {
+  Pose3 T_world_camera;
+  std::vector<Feature> features;
+  std::vector<float> depths_m;  ///< per feature, 0 = none
+};
+
+/// Features and their depths, whatever sensor the sequence was recorded with.
+class FrameReader {
+ public:
+  static StatusOr<FrameReader> Create(const Sequence& sequence, float depth_when_missing_m) {
+    FrameReader reader(sequence, depth_when_missing_m);
+    MAPP_ASSIGN_OR_RETURN(reader.extractor_, OrbExtractor::Create({}));
+    if (sequence.sensor() == SensorKind::kStereo) {
+      MAPP_ASSIGN_OR_RETURN(reader.rectifier_, StereoRectifier::Create(sequence.camera(), *sequence.right_camera(),
+                                                                       sequence.T_left_right()));
+    }
+    return reader;
+  }
+
+  const Camera& camera() const { return rectifier_ ? rectifier_->rectified() : sequence_->camera(); }
+
+  StatusOr<ObservedFrame> Read(size_t frame_idx) {
+    MAPP_ASSIGN_OR_RETURN(const SequenceFrame frame, sequence_->Read(frame_idx));
+    ObservedFrame observed{.T_world_camera = NearestTruth(*sequence_, frame.stamp_ns), .features = {}, .depths_m = {}};
+    if (rectifier_) {
+      MAPP_RETURN_IF_ERROR(ReadStereo(frame, observed));
+      return observed;
+    }
+    MAPP_ASSIGN_OR_RETURN(observed.features, extractor_->Extract(frame.gray.View()));
+    for (const Feature& feature : observed.features) {
+      observed.depths_m.push_back(DepthAt(frame.depth_m, feature.keypoint, depth_when_missing_m_));
+    }
+    return observed;
+  }
+
+ private:
+  FrameReader(const Sequence& sequence, float depth_when_missing_m)
+      : sequence_(&sequence), depth_when_missing_m_(depth_when_missing_m) {}
+
+  Status ReadStereo(const SequenceFrame& frame, ObservedFrame& observed) {
+    GrayImage left;
+    GrayImage right;
+    rectifier_->Rectify(frame.gray.View(), frame.right_gray.View(), &left, &right);
+    MAPP_ASSIGN_OR_RETURN(observed.features, extractor_->Extract(left.View()));
+    MAPP_ASSIGN_OR_RETURN(const std::vector<Feature> right_features, extractor_->Extract(right.View()));
+    observed.depths_m = MatchStereo(camera(), observed.features, right_features, left.View(), right.View());
+    observed.T_world_camera = observed.T_world_camera * rectifier_->T_left_rectified();
+    return absl::OkStatus();
+  }
+
+  const Sequence* sequence_;
+  float depth_when_missing_m_;
+  std::unique_ptr<OrbExtractor> extractor_;
+  std::unique_ptr<StereoRectifier> rectifier_;
+};
+
 }  // namespace
 
 StatusOr<RecordedWalk> LoadRecordedWalk(const std::string& folder, size_t stride, float depth_when_missing_m) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<Sequence> sequence, OpenSequence(folder));
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<OrbExtractor> extractor, OrbExtractor::Create({}));
+  MAPP_ASSIGN_OR_RETURN(FrameReader reader, FrameReader::Create(*sequence, depth_when_missing_m));
   RecordedWalk walk;
-  walk.camera = sequence->camera();
+  walk.camera = reader.camera();
   PointTracker tracker(walk.camera);
   for (size_t i = 0; i < sequence->num_frames(); i += stride) {
-    MAPP_ASSIGN_OR_RETURN(const SequenceFrame frame, sequence->Read(i));
-    MAPP_ASSIGN_OR_RETURN(const std::vector<Feature> features, extractor->Extract(frame.gray.View()));
-    std::vector<float> depths_m;
-    for (const Feature& feature : features) {
-      depths_m.push_back(DepthAt(frame.depth_m, feature.keypoint, depth_when_missing_m));
-    }
-    const Pose3 T_world_camera = NearestTruth(*sequence, frame.stamp_ns);
-    walk.T_world_cameras.push_back(T_world_camera);
+    MAPP_ASSIGN_OR_RETURN(const ObservedFrame frame, reader.Read(i));
+    walk.T_world_cameras.push_back(frame.T_world_camera);
     Keyframe keyframe;
     keyframe.number = static_cast<uint32_t>(walk.keyframes.size());
-    keyframe.stamp_ns = frame.stamp_ns;
-    keyframe.T_frame_camera = walk.T_world_session().Inverse() * T_world_camera;
-    tracker.Track(T_world_camera, features, depths_m, keyframe);
+    keyframe.stamp_ns = sequence->stamp_ns(i);
+    keyframe.T_frame_camera = walk.T_world_session().Inverse() * frame.T_world_camera;
+    tracker.Track(frame.T_world_camera, frame.features, frame.depths_m, keyframe);
     walk.keyframes.push_back(std::move(keyframe));
   }
   return walk;

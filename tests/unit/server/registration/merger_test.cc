@@ -1,0 +1,113 @@
+#include "server/service/merger.h"
+
+#include "tests/unit/server/registration/map_fixture.h"
+#include "tests/unit/server/registration/synthetic_room.h"
+
+#include <gtest/gtest.h>
+
+namespace mapp {
+namespace {
+
+using testing::EventLog;
+using testing::MapFixture;
+using testing::SyntheticRoom;
+using testing::ViewNoise;
+
+class MergerTest : public ::testing::Test {
+ protected:
+  MergerTest() {
+    founder_poses_ = SyntheticRoom::Circle(0.5, 0, 0.3, 6);
+    const SessionId founder = fixture_.OpenSession(SyntheticRoom::DeviceCamera(), /*founder=*/true);
+    for (uint32_t i = 0; i < founder_poses_.size(); ++i) StoreKeyframe(founder, founder_poses_, i);
+    session_ = fixture_.OpenSession(SyntheticRoom::DeviceCamera(), /*founder=*/false);
+    poses_ = SyntheticRoom::Circle(0.7, 0.5, 0.15, 4);
+    for (uint32_t i = 0; i < 3; ++i) StoreKeyframe(session_, poses_, i);
+    T_map_session_ = founder_poses_.front().Inverse() * poses_.front();
+  }
+
+  void StoreKeyframe(SessionId session, const std::vector<Pose3>& poses, uint32_t number) {
+    fixture_.Store(session, room_.View(poses[number], poses.front(), session, number, ViewNoise(), rng_));
+  }
+
+  Status Merge(const PointFusions& fusions) {
+    return MergeFragment(fixture_.store(), fixture_.tiles(), fixture_.events(), {}, session_, T_map_session_, fusions);
+  }
+
+  MapFixture fixture_;
+  SyntheticRoom room_{1};
+  Rng rng_{8};
+  std::vector<Pose3> founder_poses_;
+  std::vector<Pose3> poses_;
+  SessionId session_;
+  Pose3 T_map_session_;
+};
+
+TEST_F(MergerTest, PairsPointsOfTheSameLandmark) {
+  const auto reader = fixture_.Read();
+  const auto fusions = FindFusions(*reader, session_, T_map_session_);
+  ASSERT_TRUE(fusions.ok()) << fusions.status();
+  ASSERT_GT(fusions->size(), 200U);
+  size_t num_right = 0;
+  for (const auto& [own, target] : *fusions) {
+    const auto points = reader->GetPoints(std::vector<MapPointId>{own, target});
+    ASSERT_TRUE(points.ok()) << points.status();
+    // Both sessions number points by landmark.
+    if ((*points)[0].session_point == (*points)[1].session_point) ++num_right;
+  }
+  EXPECT_GT(static_cast<double>(num_right), 0.99 * static_cast<double>(fusions->size()));
+}
+
+TEST_F(MergerTest, TakesAlongKeyframesStoredAfterTheDecision) {
+  const auto fusions = FindFusions(*fixture_.Read(), session_, T_map_session_);
+  ASSERT_TRUE(fusions.ok()) << fusions.status();
+  StoreKeyframe(session_, poses_, 3);
+  const Status merged = Merge(*fusions);
+  ASSERT_TRUE(merged.ok()) << merged;
+
+  const std::vector<FrameRecord> frames = fixture_.Frames(session_);
+  ASSERT_EQ(frames.size(), 4U);
+  for (const FrameRecord& frame : frames) {
+    EXPECT_TRUE(frame.in_map);
+    EXPECT_LT(Distance(frame.T_frame_camera, founder_poses_.front().Inverse() * poses_[frame.number]), 1e-3);
+  }
+  EXPECT_EQ(fixture_.Session(session_).aligned_at_keyframe, 3U);
+  const auto points = fixture_.Read()->PointsOfSession(session_);
+  ASSERT_TRUE(points.ok());
+  for (const PointRecord& point : *points) EXPECT_TRUE(point.in_map);
+}
+
+TEST_F(MergerTest, TellsTheSessionAndTheMap) {
+  EventLog log(fixture_, session_);
+  ASSERT_TRUE(Merge({}).ok());
+  EXPECT_EQ(log.Count<SessionAligned>(), 1U);
+  const auto changed = log.WaitFor<TilesChanged>(0);
+  ASSERT_TRUE(changed);
+  EXPECT_FALSE(changed->keys.empty());
+}
+
+TEST_F(MergerTest, MergesOnce) {
+  ASSERT_TRUE(Merge({}).ok());
+  const Pose3 before = fixture_.Frames(session_)[1].T_frame_camera;
+  EventLog log(fixture_, session_);
+  ASSERT_TRUE(Merge({}).ok());
+  EXPECT_EQ(log.Count<SessionAligned>(), 0U);
+  EXPECT_LT(Distance(fixture_.Frames(session_)[1].T_frame_camera, before), 1e-12);
+}
+
+TEST_F(MergerTest, LeavesOutTargetsRetiredMeanwhile) {
+  const auto fusions = FindFusions(*fixture_.Read(), session_, T_map_session_);
+  ASSERT_TRUE(fusions.ok());
+  const auto [own, target] = *fusions->begin();
+  const MapPointId retired = target;
+  const Status status =
+      fixture_.store().Write({}, [retired](MapWriter& writer) { return writer.RetirePoint(retired, std::nullopt); });
+  ASSERT_TRUE(status.ok()) << status;
+  ASSERT_TRUE(Merge(*fusions).ok());
+  const MapPointId kept = own;
+  const auto points = fixture_.Read()->GetPoints(std::span(&kept, 1));
+  ASSERT_TRUE(points.ok()) << points.status();
+  EXPECT_TRUE(points->front().in_map);
+}
+
+}  // namespace
+}  // namespace mapp
