@@ -107,7 +107,7 @@ class IterationObserver final : public ceres::IterationCallback {
  public:
   explicit IterationObserver(const BundleOptions& options) : options_(options) {}
   ceres::CallbackReturnType operator()(const ceres::IterationSummary& summary) override {
-    // Iteration 0 is the evaluation of the start.
+    num_iterations_ = summary.iteration;  // 0 is the evaluation of the start.
     if (options_.on_iteration && summary.iteration > 0) options_.on_iteration(summary.iteration, summary.cost);
     if (options_.is_cancelled && options_.is_cancelled()) {
       cancelled_ = true;
@@ -116,10 +116,12 @@ class IterationObserver final : public ceres::IterationCallback {
     return ceres::SOLVER_CONTINUE;
   }
   bool cancelled() const { return cancelled_; }
+  int num_iterations() const { return num_iterations_; }
 
  private:
   const BundleOptions& options_;
   bool cancelled_ = false;
+  int num_iterations_ = 0;
 };
 
 Status ValidateFrames(const BundleProblem& problem) {
@@ -357,7 +359,7 @@ StatusOr<BundleResult> AdjustBundle(BundleProblem& problem, const BundleOptions&
     assessment = Assess(problem);
     result.initial_cost = summary.initial_cost;
     result.final_cost = summary.final_cost;
-    result.num_iterations = summary.num_successful_steps + summary.num_unsuccessful_steps;
+    result.num_iterations = observer.num_iterations();
     result.cancelled = observer.cancelled();
   }
   result.final_rmse_px = assessment.rmse_px;

@@ -1,12 +1,13 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <functional>
-#include <vector>
-
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/geometry/pose3.h"
+
+#include <Eigen/Core>
+
+#include <functional>
+#include <vector>
 
 namespace mapp {
 
@@ -27,7 +28,7 @@ struct BundleProblem {
     int point_idx = 0;
     Eigen::Vector2d pixel;  ///< undistorted
     double sigma_px = 1.0;
-    double depth_m = 0;     ///< 0 = none
+    double depth_m = 0;  ///< 0 = none
   };
   std::vector<Frame> frames;
   std::vector<Point> points;
@@ -39,15 +40,15 @@ struct BundleOptions {
   int num_threads = 1;
   double max_seconds = 60;
   /// Asked before every iteration; true stops and keeps the best state so far.
-  std::function<bool()> is_cancelled;
+  std::function<bool()> is_cancelled = {};
   /// Called after every iteration with iteration and cost.
-  std::function<void(int, double)> on_iteration;
+  std::function<void(int, double)> on_iteration = {};
 };
 
 struct BundleResult {
   double initial_cost = 0;
   double final_cost = 0;
-  double initial_rmse_px = 0;  ///< over all observations
+  double initial_rmse_px = 0;  ///< of u, v over sigma_px; all observations before the camera
   double final_rmse_px = 0;
   int num_iterations = 0;
   bool cancelled = false;

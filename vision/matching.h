@@ -1,9 +1,9 @@
 #pragma once
 
+#include "mapp/feature/feature.h"
+
 #include <span>
 #include <vector>
-
-#include "mapp/feature/feature.h"
 
 namespace mapp {
 

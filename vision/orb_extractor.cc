@@ -25,11 +25,13 @@ constexpr int kBorder = 19;
 /// A level narrower than this beyond its borders holds nothing worth detecting.
 constexpr int kMinDetectionEdge = 8;
 
-/// Half-width of each row of the disc in which the intensity centroid is taken (Rublee et al. 2011, section 3.2).
+/// Half-width of each row of the disc in which the intensity centroid is taken (Rublee et al. 2011, section 3.2). The
+/// disc u^2 + v^2 < (radius + 1/2)^2 looks the same along rows and columns, so quarter turns keep the angle exactly.
 std::array<int, kPatchRadius + 1> DiscHalfWidths() {
+  constexpr int kSquaredRadius = kPatchRadius * (kPatchRadius + 1);
   std::array<int, kPatchRadius + 1> widths{};
   for (int v = 0; v <= kPatchRadius; ++v) {
-    widths[static_cast<size_t>(v)] = static_cast<int>(std::lround(std::sqrt(kPatchRadius * kPatchRadius - v * v)));
+    widths[static_cast<size_t>(v)] = static_cast<int>(std::sqrt(static_cast<double>(kSquaredRadius - v * v)));
   }
   return widths;
 }

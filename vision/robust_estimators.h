@@ -1,13 +1,14 @@
 #pragma once
 
+#include "mapp/camera/camera_model.h"
+#include "mapp/geometry/pose3.h"
+
 #include <Eigen/Core>
+
 #include <cstdint>
 #include <optional>
 #include <span>
 #include <vector>
-
-#include "mapp/camera/camera_model.h"
-#include "mapp/geometry/pose3.h"
 
 namespace mapp {
 
