@@ -103,7 +103,7 @@ void FrameBuilder::FinishFrame(Frame* frame) const {
 }
 
 StatusOr<std::unique_ptr<FrameBuilder>> MakeRgbdFrameBuilder(const Camera& camera, const OrbTrackerOptions& options) {
-  MAPP_RETURN_IF_ERROR(Annotate(camera.Validate(), "camera"));
+  MAPP_RETURN_IF_ERROR(camera.Validate());
   MAPP_ASSIGN_OR_RETURN(auto extractor, MakeExtractor(options));
   return std::make_unique<RgbdFrameBuilder>(MakeTrackingCamera(camera, SensorKind::kRgbd, options.max_depth_m),
                                             std::move(extractor));

@@ -1,9 +1,9 @@
 #include "client_sdk/src/tracker/front_end.h"
 
+#include "client_sdk/src/tracker/depth_points.h"
 #include "client_sdk/src/tracker/local_window.h"
 
 #include <utility>
-
 namespace mapp::tracker {
 namespace {
 
@@ -11,24 +11,6 @@ namespace {
 constexpr double kPredictedRadiusPx = 12.0;
 /// ... and around a pose that the last frame's points have refined.
 constexpr double kRefinedRadiusPx = 5.0;
-
-/// Features of a frame with depth but no map point, as points of the moment: they help to find the next pose when
-/// little of the map is in view, and are forgotten then.
-void AppendDepthPoints(const TrackedFrame& tracked, const TrackingCamera& camera, std::vector<PointView>* points) {
-  const Frame& frame = *tracked.frame;
-  for (size_t feature = 0; feature < frame.size(); ++feature) {
-    const auto depth_m = static_cast<double>(frame.depths_m[feature]);
-    if (tracked.points[feature] != kNone || !(depth_m > 0) || depth_m > camera.max_depth_m) continue;
-    PointView point;
-    const Eigen::Vector3d p_camera = depth_m * camera.pinhole.Unproject(frame.pixels[feature]);
-    point.p_session = tracked.T_session_camera * p_camera;
-    const Eigen::Vector3d ray = point.p_session - tracked.T_session_camera.translation();
-    point.view_direction = ray.normalized().cast<float>();
-    point.reference_distance_m = static_cast<float>(ray.norm()) * OctaveScale(frame.features[feature].keypoint.octave);
-    point.descriptor = frame.features[feature].descriptor;
-    points->push_back(point);
-  }
-}
 
 }  // namespace
 
@@ -45,7 +27,11 @@ std::vector<PointView> FrontEnd::PointsOfLastFrame() const {
     MutexLock lock(shared_.mutex);
     points = CopyPoints(shared_.map, last_->points);
   }
-  AppendDepthPoints(*last_, camera_, &points);
+  // Features without a map point serve as points of the moment: they help to find the next pose when little of the map
+  // is in view, and are forgotten then.
+  const std::vector<PointView> depth_points =
+      DepthPointViews(*last_->frame, camera_, last_->T_session_camera, last_->points);
+  points.insert(points.end(), depth_points.begin(), depth_points.end());
   return points;
 }
 

@@ -1,16 +1,16 @@
 #include "client_sdk/src/tracker/keyframe_export.h"
 
+#include "client_sdk/src/tracker/depth_points.h"
+
 #include <algorithm>
 #include <limits>
 
 namespace mapp::tracker {
 namespace {
 
-constexpr double kMinDepthM = 0.05;
-
 std::optional<PointReference> MakeReference(const MapPoint& point, const Pose3& T_camera_session) {
   const double z_m = (T_camera_session * point.view.p_session).z();
-  if (!(z_m > kMinDepthM)) return std::nullopt;
+  if (!(z_m > kMinPointDepthM)) return std::nullopt;
   PointReference reference;
   reference.kind = point.server_id ? PointReference::Kind::kMapPoint : PointReference::Kind::kSessionPoint;
   reference.id = point.server_id ? point.server_id->value() : point.session_id;
@@ -46,11 +46,10 @@ Keyframe ExportFrame(SessionMap& map, const TrackingCamera& camera, const Frame&
                      const std::vector<int>& points) {
   Keyframe keyframe = MakeKeyframe(map, frame, T_session_camera, points);
   for (size_t feature = 0; feature < frame.size(); ++feature) {
-    const float depth_m = frame.depths_m[feature];
-    if (keyframe.features[feature].point || !(depth_m > kMinDepthM) || depth_m > camera.max_depth_m) continue;
+    if (keyframe.features[feature].point || !HasUsableDepth(frame, feature, camera)) continue;
     PointReference reference;
     reference.id = map.ReserveSessionIds(1);
-    reference.depth_m = depth_m;
+    reference.depth_m = frame.depths_m[feature];
     keyframe.features[feature].point = reference;
   }
   return keyframe;

@@ -1,5 +1,8 @@
 #include "client_sdk/src/tracker/keyframe_policy.h"
 
+#include "client_sdk/src/tracker/depth_points.h"
+#include "client_sdk/src/tracker/point_search.h"
+
 #include <algorithm>
 
 namespace mapp::tracker {
@@ -14,20 +17,45 @@ constexpr int kMinCloseUnmatched = 70;
 
 }  // namespace
 
-bool KeyframePolicy::IsDue(const Observation& frame) {
+bool KeyframePolicy::IsDue(const TrackedFrame& tracked, bool on_shared_map) {
   ++frames_since_keyframe_;
-  most_matches_ = std::max(most_matches_, frame.num_matches);
+  const int num_matches = CountReferenceMatches(tracked);
+  most_matches_ = std::max(most_matches_, num_matches);
   if (forced_) return true;
   if (frames_since_keyframe_ >= options_.max_frames_between_keyframes) return true;
   if (frames_since_keyframe_ < kMinFramesBetween) return false;
-  if (frame.num_close_matched < kMinCloseMatched && frame.num_close_unmatched > kMinCloseUnmatched) return true;
-  return frame.num_matches < options_.min_reference_ratio * most_matches_;
+  // A server's map holds fewer of a frame's close points than the device's own map does after a keyframe: to weigh them
+  // there would call for one at every other frame.
+  if (!on_shared_map && LacksClosePoints(tracked)) return true;
+  return num_matches < options_.min_reference_ratio * most_matches_;
 }
 
-void KeyframePolicy::OnKeyframe(const Observation& frame) {
+void KeyframePolicy::OnKeyframe(const TrackedFrame& tracked) {
+  SetReference(tracked);
   frames_since_keyframe_ = 0;
-  most_matches_ = frame.num_matches;
   forced_ = false;
+}
+
+void KeyframePolicy::SetReference(const TrackedFrame& tracked) {
+  reference_points_ = DepthPointViews(*tracked.frame, camera_, tracked.T_session_camera, {});
+  most_matches_ = 0;
+}
+
+int KeyframePolicy::CountReferenceMatches(const TrackedFrame& tracked) const {
+  SearchOptions options;
+  options.max_distance = 64;
+  const SearchResult found =
+      SearchByProjection(*tracked.frame, camera_, tracked.T_session_camera, reference_points_, options);
+  return static_cast<int>(found.matches.size());
+}
+
+bool KeyframePolicy::LacksClosePoints(const TrackedFrame& tracked) const {
+  int num_matched = 0, num_unmatched = 0;
+  for (size_t feature = 0; feature < tracked.points.size(); ++feature) {
+    if (!HasUsableDepth(*tracked.frame, feature, camera_)) continue;
+    ++(tracked.points[feature] != kNone ? num_matched : num_unmatched);
+  }
+  return num_matched < kMinCloseMatched && num_unmatched > kMinCloseUnmatched;
 }
 
 }  // namespace mapp::tracker

@@ -1,33 +1,40 @@
 #pragma once
 
+#include "client_sdk/src/tracker/front_end.h"
+#include "client_sdk/src/tracker/session_map.h"
+#include "client_sdk/src/tracker/tracking_camera.h"
 #include "mapp/client/orb_tracker.h"
+
+#include <vector>
 
 namespace mapp::tracker {
 
 /// Decides when mapping needs another keyframe. On a shared map, where none is made, the same rule tells where one
-/// would have been, so that both counts compare: it rests on the share of matches left since the last (would-be)
-/// keyframe, which both kinds of tracking know. One thread only.
+/// would have been: it asks how much of the last (would-be) keyframe's own features with depth is found again, which
+/// does not depend on the map that the pose comes from, so that both counts compare. Tracking thread only.
 class KeyframePolicy {
  public:
-  /// How a frame was tracked.
-  struct Observation {
-    int num_matches = 0;          ///< map points matched
-    int num_close_matched = 0;    ///< features with a usable depth that have a point
-    int num_close_unmatched = 0;  ///< ... that have none
-  };
-
-  explicit KeyframePolicy(const OrbTrackerOptions& options) : options_(options) {}
+  KeyframePolicy(const TrackingCamera& camera, const OrbTrackerOptions& options) : camera_(camera), options_(options) {}
 
   /// Counts the frame and says whether it should be a (would-be) keyframe. The caller confirms with OnKeyframe.
-  bool IsDue(const Observation& frame);
-  void OnKeyframe(const Observation& frame);
-  /// The next tracked frame is due whatever it matches.
+  bool IsDue(const TrackedFrame& tracked, bool on_shared_map);
+  void OnKeyframe(const TrackedFrame& tracked);
+  /// The step onto a shared map moves the session's poses: the frame takes the last keyframe's place as what later ones
+  /// are compared with, without being one.
+  void OnPoseCorrection(const TrackedFrame& tracked) { SetReference(tracked); }
+  /// The next tracked frame is due whatever it shows.
   void ForceNext() { forced_ = true; }
 
  private:
-  OrbTrackerOptions options_;
+  void SetReference(const TrackedFrame& tracked);
+  int CountReferenceMatches(const TrackedFrame& tracked) const;
+  bool LacksClosePoints(const TrackedFrame& tracked) const;
+
+  const TrackingCamera& camera_;
+  const OrbTrackerOptions& options_;
+  std::vector<PointView> reference_points_;  ///< the last keyframe's features with depth
+  int most_matches_ = 0;                     ///< of them in one frame, so far
   int frames_since_keyframe_ = 0;
-  int most_matches_ = 0;  ///< in one frame, since the last keyframe
   bool forced_ = false;
 };
 

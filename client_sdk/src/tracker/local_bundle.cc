@@ -12,7 +12,6 @@ namespace mapp::tracker {
 namespace {
 
 constexpr int kMinSharedPoints = 15;  ///< for a keyframe to be adjusted with the newest one
-constexpr double kMinDepthM = 0.05;
 
 /// A bundle problem and which keyframes and points of the map it was copied from.
 struct Window {

@@ -3,18 +3,12 @@
 #include <utility>
 
 namespace mapp::tracker {
-namespace {
-
-/// Points nearer than this to the camera's plane project nowhere useful.
-constexpr double kMinDepthM = 0.05;
-
-}  // namespace
 
 std::optional<ProjectedPoint> ProjectPoint(const PointView& point, const TrackingCamera& camera,
                                            const Pose3& T_session_camera, const SearchOptions& options) {
   const Eigen::Vector3d ray = point.p_session - T_session_camera.translation();
   const Eigen::Vector3d p_camera = T_session_camera.rotation().conjugate() * ray;
-  if (p_camera.z() < kMinDepthM) return std::nullopt;
+  if (p_camera.z() < kMinPointDepthM) return std::nullopt;
   const Eigen::Vector2d pixel = camera.pinhole.Project(p_camera);
   if (!camera.Contains(pixel)) return std::nullopt;
   const double distance_m = ray.norm();

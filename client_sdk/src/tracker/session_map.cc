@@ -5,7 +5,6 @@
 #include <Eigen/Geometry>
 
 #include <algorithm>
-#include <map>
 
 namespace mapp::tracker {
 
@@ -165,14 +164,17 @@ void SessionMap::SetPointPosition(int point_idx, const Eigen::Vector3d& p_sessio
 }
 
 std::vector<std::pair<int, int>> SessionMap::CovisibleKeyframes(int keyframe_idx, int min_shared) const {
-  std::map<int, int> num_shared;
+  std::vector<int> num_shared(keyframes_.size(), 0);
   for (const int point_idx : keyframe(keyframe_idx).points) {
     if (point_idx == kNone) continue;
-    for (const PointObservation& observation : point(point_idx).observations) ++num_shared[observation.keyframe_idx];
+    for (const PointObservation& observation : point(point_idx).observations) {
+      ++num_shared[static_cast<size_t>(observation.keyframe_idx)];
+    }
   }
-  num_shared.erase(keyframe_idx);
+  num_shared[static_cast<size_t>(keyframe_idx)] = 0;
   std::vector<std::pair<int, int>> covisible;
-  for (const auto& [other_idx, count] : num_shared) {
+  for (int other_idx = 0; other_idx < num_keyframes(); ++other_idx) {
+    const int count = num_shared[static_cast<size_t>(other_idx)];
     if (count >= min_shared) covisible.emplace_back(other_idx, count);
   }
   std::stable_sort(covisible.begin(), covisible.end(),

@@ -6,6 +6,9 @@
 
 namespace mapp::tracker {
 
+/// Points nearer than this to the camera's plane, or behind it, are of no use.
+inline constexpr double kMinPointDepthM = 0.05;
+
 /// How far measured depths are trusted against the points of a map.
 struct DepthTrust {
   double bf_px_m = 0;   ///< a depth z weighs as the disparity bf / z with sigma 1 px: sigma_z = z^2 / bf

@@ -1,10 +1,10 @@
 #include "client_sdk/src/tracker/tracking_session.h"
 
+#include "client_sdk/src/tracker/depth_points.h"
 #include "client_sdk/src/tracker/keyframe_export.h"
 
 #include <algorithm>
 #include <utility>
-
 namespace mapp::tracker {
 namespace {
 
@@ -15,11 +15,6 @@ constexpr size_t kMaxWaitingKeyframes = 3;
 /// Points that a pose found without a guess must rest on.
 constexpr int kMinRelocalizedPoints = 40;
 
-bool HasUsableDepth(const Frame& frame, size_t feature, const TrackingCamera& camera) {
-  const auto depth_m = static_cast<double>(frame.depths_m[feature]);
-  return depth_m > 0 && depth_m <= camera.max_depth_m;
-}
-
 }  // namespace
 
 TrackingSession::TrackingSession(const TrackingCamera& camera, const OrbTrackerOptions& options)
@@ -28,7 +23,7 @@ TrackingSession::TrackingSession(const TrackingCamera& camera, const OrbTrackerO
       front_end_(shared_, camera_, options_),
       relocalizer_(camera_, std::max(options.min_tracked_points, kMinRelocalizedPoints)),
       shared_localizer_(shared_, camera_, options_),
-      keyframe_policy_(options_),
+      keyframe_policy_(camera_, options_),
       mapper_(shared_, camera_, options_) {}
 
 void TrackingSession::TakeSharedMap(const SharedMap& map) {
@@ -60,7 +55,6 @@ TrackingResult TrackingSession::Start(const std::shared_ptr<const Frame>& frame)
   first.points.assign(frame->size(), kNone);
   front_end_.SetLast(std::move(first), /*consecutive=*/false);
   InsertKeyframe();
-  keyframe_policy_.OnKeyframe({num_with_depth, num_with_depth, 0});
   result.state = TrackingState::kTracking;
   result.num_matches = num_with_depth;
   result.is_keyframe = true;
@@ -100,13 +94,15 @@ bool TrackingSession::TrackOnSharedMap(const std::shared_ptr<const Frame>& frame
   if (!outcome.localized) return false;
 
   result->on_shared_map = true;
-  if (outcome.newly_adopted) RetireGeneration(generation_before);
   TrackedFrame tracked;
   tracked.frame = frame;
   tracked.T_session_camera = outcome.estimate.T_session_camera;
   tracked.points = std::move(outcome.estimate.points);
-  // The step onto the shared map is a correction, not a motion.
-  if (outcome.newly_adopted) state_ = TrackingState::kLost;
+  if (outcome.newly_adopted) {
+    RetireGeneration(generation_before);
+    keyframe_policy_.OnPoseCorrection(tracked);
+    state_ = TrackingState::kLost;  // the step onto the shared map is a correction, not a motion
+  }
   Accept(std::move(tracked), result);
   return true;
 }
@@ -120,31 +116,17 @@ std::optional<PoseEstimate> TrackingSession::Relocalize(const Frame& frame) cons
 void TrackingSession::Accept(TrackedFrame tracked, TrackingResult* result) {
   result->state = TrackingState::kTracking;
   result->T_session_camera = tracked.T_session_camera;
-  const KeyframePolicy::Observation observation = Observe(tracked, result->on_shared_map);
-  result->num_matches = observation.num_matches;
+  result->num_matches = static_cast<int>(
+      std::count_if(tracked.points.begin(), tracked.points.end(), [](int point_idx) { return point_idx != kNone; }));
   front_end_.SetLast(std::move(tracked), /*consecutive=*/state_ == TrackingState::kTracking);
-  if (!keyframe_policy_.IsDue(observation)) return;
+  if (!keyframe_policy_.IsDue(*front_end_.last(), result->on_shared_map)) return;
   if (result->on_shared_map) {
     result->would_be_keyframe = true;
-  } else {
-    if (mapper_.num_waiting() >= kMaxWaitingKeyframes) return;
-    InsertKeyframe();
+    keyframe_policy_.OnKeyframe(*front_end_.last());
+  } else if (mapper_.num_waiting() < kMaxWaitingKeyframes) {
     result->is_keyframe = true;
+    InsertKeyframe();
   }
-  keyframe_policy_.OnKeyframe(observation);
-}
-
-KeyframePolicy::Observation TrackingSession::Observe(const TrackedFrame& tracked, bool on_shared_map) const {
-  KeyframePolicy::Observation observation;
-  for (size_t feature = 0; feature < tracked.points.size(); ++feature) {
-    const bool matched = tracked.points[feature] != kNone;
-    if (matched) ++observation.num_matches;
-    // A server's map holds fewer of a frame's close points than the device's own map does right after a keyframe: to
-    // weigh them there would call for one at every other frame.
-    if (on_shared_map || !HasUsableDepth(*tracked.frame, feature, camera_)) continue;
-    ++(matched ? observation.num_close_matched : observation.num_close_unmatched);
-  }
-  return observation;
 }
 
 void TrackingSession::InsertKeyframe() {
@@ -159,12 +141,12 @@ void TrackingSession::InsertKeyframe() {
     keyframe_idx = map.AddKeyframe(last.frame, last.T_session_camera, last.points, generation);
     for (size_t feature = 0; feature < frame.size(); ++feature) {
       if (map.keyframe(keyframe_idx).points[feature] != kNone || !HasUsableDepth(frame, feature, camera_)) continue;
-      const Eigen::Vector3d p_camera =
-          static_cast<double>(frame.depths_m[feature]) * camera_.pinhole.Unproject(frame.pixels[feature]);
-      map.AddPoint(last.T_session_camera * p_camera, keyframe_idx, static_cast<int>(feature));
+      const Eigen::Vector3d p_session = DepthPoint(frame, feature, camera_, last.T_session_camera);
+      map.AddPoint(p_session, keyframe_idx, static_cast<int>(feature));
     }
     points = map.keyframe(keyframe_idx).points;
   }
+  keyframe_policy_.OnKeyframe(last);
   front_end_.SetLastKeyframe(keyframe_idx, std::move(points));
   relocalizer_.AddKeyframe(keyframe_idx, generation, frame);
   mapper_.ProcessKeyframe(keyframe_idx);

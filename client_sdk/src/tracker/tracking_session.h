@@ -42,7 +42,6 @@ class TrackingSession {
   std::optional<PoseEstimate> Relocalize(const Frame& frame) const;
   /// Takes a tracked frame as the last one and makes it a (would-be) keyframe if that is due.
   void Accept(TrackedFrame tracked, TrackingResult* result);
-  KeyframePolicy::Observation Observe(const TrackedFrame& tracked, bool on_shared_map) const;
   void InsertKeyframe();
   void RetireGeneration(int generation);
 
