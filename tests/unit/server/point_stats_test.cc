@@ -1,0 +1,78 @@
+#include "server/service/point_stats.h"
+
+#include <gtest/gtest.h>
+
+namespace mapp::testing {
+namespace {
+
+Keypoint AtOctave(uint8_t octave) { return {.u_px = 0, .v_px = 0, .angle = 0, .octave = octave}; }
+
+PointRecord SeenFrom(const Eigen::Vector3d& center) {
+  PointRecord point;
+  point.position = Eigen::Vector3d::Zero();
+  InitPointStats(point, FrameId(1), center, AtOctave(2), OrbDescriptor(), 3);
+  return point;
+}
+
+TEST(PointStatsTest, RebuildsThePointThatWasSeen) {
+  Camera camera;
+  camera.projection = RadialTangentialCamera{458, 457, 367, 248, -0.28, 0.07, 0.0002, 0.00002};
+  camera.width_px = 752;
+  camera.height_px = 480;
+  const Pose3 T_map_camera(Eigen::Quaterniond(Eigen::AngleAxisd(0.7, Eigen::Vector3d(1, 2, 3).normalized())),
+                           Eigen::Vector3d(5, -2, 1));
+  const Eigen::Vector3d p_camera(0.8, -0.5, 2.5);
+  const Eigen::Vector2d pixel = camera.Project(p_camera);
+  const Keypoint keypoint{static_cast<float>(pixel.x()), static_cast<float>(pixel.y()), 0, 0};
+  EXPECT_LT((RebuildPoint(camera, T_map_camera, keypoint, p_camera.z()) - T_map_camera * p_camera).norm(), 1e-5);
+}
+
+TEST(PointStatsTest, FirstObservationSetsEverything) {
+  const PointRecord point = SeenFrom({0, 0, -4});
+  EXPECT_LT((point.view_direction - Eigen::Vector3f::UnitZ()).norm(), 1e-6F);
+  EXPECT_FLOAT_EQ(point.reference_distance_m, 4 * OctaveScale(2));
+  EXPECT_EQ(point.num_observations, 3U);
+  EXPECT_EQ(point.observers, std::vector{FrameId(1)});
+}
+
+TEST(PointStatsTest, MeansMoveWithTheWeightOfOneObservation) {
+  PointRecord point = SeenFrom({0, 0, -4});
+  const Eigen::Vector3d centers[] = {{0, 0, -4}};
+  AddObservation(point, FrameId(2), {-4, 0, 0}, AtOctave(2), centers);
+  EXPECT_EQ(point.num_observations, 4U);
+  EXPECT_NEAR(point.view_direction.norm(), 1, 1e-6);
+  EXPECT_NEAR(point.view_direction.x() / point.view_direction.z(), 1.0 / 3.0, 1e-6);
+  EXPECT_FLOAT_EQ(point.reference_distance_m, 4 * OctaveScale(2));
+}
+
+TEST(PointStatsTest, OppositeViewsKeepTheOldDirection) {
+  PointRecord point = SeenFrom({0, 0, -4});
+  point.num_observations = 1;
+  const Eigen::Vector3d centers[] = {{0, 0, -4}};
+  AddObservation(point, FrameId(2), {0, 0, 4}, AtOctave(2), centers);
+  EXPECT_LT((point.view_direction - Eigen::Vector3f::UnitZ()).norm(), 1e-6F);
+}
+
+TEST(PointStatsTest, KeepsTheObserversThatDifferMost) {
+  PointRecord point = SeenFrom({0, 0, -4});
+  std::vector<Eigen::Vector3d> centers = {{0, 0, -4}};
+  const auto observe = [&](uint64_t frame, const Eigen::Vector3d& center) {
+    AddObservation(point, FrameId(frame), center, AtOctave(2), centers);
+  };
+  for (const auto& [frame, center] :
+       std::vector<std::pair<uint64_t, Eigen::Vector3d>>{{2, {-4, 0, 0}}, {3, {0.1, 0, -4}}, {4, {4, 0, 0}}}) {
+    observe(frame, center);
+    centers.push_back(center);
+  }
+  EXPECT_EQ(point.observers.size(), 4U);
+  // From above: frame 3 sees the point almost as frame 1 does and makes room.
+  observe(5, {0, -4, 0});
+  EXPECT_EQ(point.observers, (std::vector{FrameId(1), FrameId(2), FrameId(4), FrameId(5)}));
+  centers = {{0, 0, -4}, {-4, 0, 0}, {4, 0, 0}, {0, -4, 0}};
+  // Nothing new: the newcomer is the one left out.
+  observe(6, {0, 0.1, -4});
+  EXPECT_EQ(point.observers, (std::vector{FrameId(1), FrameId(2), FrameId(4), FrameId(5)}));
+}
+
+}  // namespace
+}  // namespace mapp::testing

@@ -1,0 +1,166 @@
+#include "tests/unit/server/service_fixture.h"
+
+#include <gmock/gmock.h>
+
+#include <limits>
+
+namespace mapp::testing {
+namespace {
+
+using ::testing::StartsWith;
+
+class SessionsTest : public ServiceFixture {
+ protected:
+  static OpenSessionInput GoodInput() {
+    OpenSessionInput input;
+    input.map_name = "room";
+    input.device = "device";
+    input.camera = SyntheticWorld::DeviceCamera();
+    input.create_map = true;
+    return input;
+  }
+};
+
+TEST_F(SessionsTest, UnknownMapIsOnlyMadeWhenAsked) {
+  OpenSessionInput input = GoodInput();
+  input.create_map = false;
+  EXPECT_EQ(service_->OpenSession(context_, input).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_TRUE(service_->ListMaps(context_)->empty());
+  input.create_map = true;
+  const StatusOr<OpenedSession> first = service_->OpenSession(context_, input);
+  const StatusOr<OpenedSession> second = service_->OpenSession(context_, input);
+  ASSERT_TRUE(first.ok() && second.ok());
+  EXPECT_EQ(first->map.id, second->map.id);
+  EXPECT_NE(first->session, second->session);
+}
+
+struct BadOpen {
+  std::string name;
+  std::function<void(OpenSessionInput&)> spoil;
+  std::string message_start;
+};
+
+class BadOpenTest : public SessionsTest, public ::testing::WithParamInterface<BadOpen> {};
+
+TEST_P(BadOpenTest, IsRefusedAndMakesNoMap) {
+  OpenSessionInput input = GoodInput();
+  GetParam().spoil(input);
+  const StatusOr<OpenedSession> opened = service_->OpenSession(context_, input);
+  EXPECT_EQ(opened.status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(opened.status().message()), StartsWith(GetParam().message_start));
+  EXPECT_TRUE(service_->ListMaps(context_)->empty());
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    SessionsTest, BadOpenTest,
+    ::testing::Values(
+        BadOpen{"NoMapName", [](OpenSessionInput& input) { input.map_name.clear(); }, "map_name: "},
+        BadOpen{"LongMapName", [](OpenSessionInput& input) { input.map_name.assign(129, 'x'); }, "map_name: "},
+        BadOpen{"LineBreakInDevice", [](OpenSessionInput& input) { input.device = "a\nb"; }, "device: "},
+        BadOpen{"ZeroFocalLength",
+                [](OpenSessionInput& input) {
+                  input.camera.projection = PinholeCamera{0, 525, 320, 240};
+                },
+                "camera."},
+        BadOpen{"StereoWithoutBaseline", [](OpenSessionInput& input) { input.sensor = SensorKind::kStereo; },
+                "camera.stereo_baseline_m: "}),
+    [](const auto& test) { return test.param.name; });
+
+TEST_F(SessionsTest, NamesCountCharactersNotBytes) {
+  OpenSessionInput input = GoodInput();
+  input.map_name.clear();
+  for (int i = 0; i < 128; ++i) input.map_name += "ü";
+  EXPECT_TRUE(service_->OpenSession(context_, input).ok());
+}
+
+TEST_F(SessionsTest, ClosingTwiceIsClosingOnce) {
+  const SessionId session = Open();
+  MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), session, 0);
+  const StatusOr<ClosedSession> first = service_->CloseSession(context_, session);
+  ASSERT_TRUE(first.ok());
+  EXPECT_EQ(first->num_keyframes, 1);
+  EXPECT_TRUE(first->optimization_pending);
+  const std::optional<int64_t> closed_ns = Session(session).closed_ns;
+  ASSERT_TRUE(closed_ns.has_value());
+  ASSERT_TRUE(service_->CloseSession(context_, session).ok());
+  EXPECT_EQ(Session(session).closed_ns, closed_ns);
+  EXPECT_EQ(service_->CloseSession(context_, SessionId(4711)).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(SessionsTest, FragmentOwesNoOptimization) {
+  MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), Open(), 0);
+  const SessionId fragment = Open();
+  MustUpload(SyntheticWorld(99), SyntheticWorld::Stand(0, -2, 0), fragment, 0);
+  const StatusOr<ClosedSession> closed = service_->CloseSession(context_, fragment);
+  ASSERT_TRUE(closed.ok());
+  EXPECT_FALSE(closed->optimization_pending);
+}
+
+TEST_F(SessionsTest, WatcherHearsThePresentAlignmentFirst) {
+  const SessionId session = Open();
+  MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), session, 0);
+  std::vector<SessionEvent> heard;
+  const auto subscription =
+      service_->WatchSession(context_, session, [&](const SessionEvent& event) { heard.push_back(event); });
+  ASSERT_TRUE(subscription.ok());
+  ASSERT_EQ(heard.size(), 1U);
+  EXPECT_TRUE(std::holds_alternative<SessionAligned>(heard[0]));
+  // Published while Write runs, so it is here once the upload returns.
+  MustUpload(world_, SyntheticWorld::Stand(0, -2, 0.5), session, 1);
+  ASSERT_EQ(heard.size(), 2U);
+  const auto* changed = std::get_if<TilesChanged>(&heard[1]);
+  ASSERT_NE(changed, nullptr);
+  EXPECT_FALSE(changed->keys.empty());
+  EXPECT_EQ(changed->revision, Map().revision);
+}
+
+TEST_F(SessionsTest, WatcherOfAFragmentHearsNothingAtFirst) {
+  const SessionId session = Open();
+  bool heard = false;
+  const auto subscription = service_->WatchSession(context_, session, [&](const SessionEvent&) { heard = true; });
+  ASSERT_TRUE(subscription.ok());
+  EXPECT_FALSE(heard);
+  EXPECT_EQ(service_->WatchSession(context_, SessionId(4711), [](const SessionEvent&) {}).status().code(),
+            absl::StatusCode::kNotFound);
+}
+
+TEST_F(SessionsTest, MapWithOpenSessionsIsDeletedOnlyByForce) {
+  const SessionId session = Open();
+  MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), session, 0);
+  EXPECT_EQ(service_->DeleteMap(context_, "room", false).status().code(), absl::StatusCode::kFailedPrecondition);
+  const StatusOr<MapRecord> deleted = service_->DeleteMap(context_, "room", true);
+  ASSERT_TRUE(deleted.ok());
+  EXPECT_EQ(deleted->num_frames, 1);
+  EXPECT_EQ(service_->GetMap(context_, "room").status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(Upload(world_.View(Pose3(), session, 1, rng_)).status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(service_->DeleteMap(context_, "room", true).status().code(), absl::StatusCode::kNotFound);
+}
+
+TEST_F(SessionsTest, ExportHoldsTheMapAndNoFragment) {
+  MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), Open(), 0);
+  MustUpload(SyntheticWorld(99), SyntheticWorld::Stand(0, -2, 0), Open(), 0);
+  size_t num_frames = 0;
+  size_t num_points = 0;
+  const Status exported = service_->ExportMap(
+      context_, "room",
+      [&](const MapRecord&, const std::vector<FrameRecord>& frames) {
+        num_frames = frames.size();
+        return absl::OkStatus();
+      },
+      [&](const std::vector<PointRecord>& points) {
+        num_points += points.size();
+        return absl::OkStatus();
+      });
+  ASSERT_TRUE(exported.ok()) << exported;
+  EXPECT_EQ(num_frames, 1U);
+  EXPECT_EQ(static_cast<int64_t>(num_points), Map().num_points);
+}
+
+TEST_F(SessionsTest, PassedDeadlineStopsACall) {
+  const CallContext late = CallContext::WithTimeout(std::chrono::milliseconds(-1));
+  EXPECT_EQ(service_->ListMaps(late).status().code(), absl::StatusCode::kDeadlineExceeded);
+  EXPECT_EQ(service_->OpenSession(late, GoodInput()).status().code(), absl::StatusCode::kDeadlineExceeded);
+}
+
+}  // namespace
+}  // namespace mapp::testing

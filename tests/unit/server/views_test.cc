@@ -1,0 +1,222 @@
+#include "mapp/codec/keyframe_codec.h"
+#include "mapp/codec/tile_codec.h"
+#include "tests/unit/server/service_fixture.h"
+
+#include <gmock/gmock.h>
+
+#include <set>
+
+namespace mapp::testing {
+namespace {
+
+using ::testing::StartsWith;
+
+/// A map of the half of the room around the cabinet: three views towards +z.
+class ViewsTest : public ServiceFixture {
+ protected:
+  ViewsTest() : session_(Open()) {
+    MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), session_, 0);
+    MustUpload(world_, SyntheticWorld::Stand(-1, -2, 0.2), session_, 1);
+    MustUpload(world_, SyntheticWorld::Stand(1, -2, -0.2), session_, 2);
+  }
+
+  std::string Packet(const SyntheticWorld& world, const Pose3& T_world_camera) {
+    return EncodeKeyframe(world.View(T_world_camera, session_, 10, rng_, 100'000));
+  }
+
+  SharedMapInput Request(const Pose3& T_world_camera) const {
+    SharedMapInput input;
+    input.session = session_;
+    input.view.T_frame_camera = T_world_camera;
+    return input;
+  }
+
+  SharedMapResult MustReceive(const SharedMapInput& input, std::vector<Tile>* tiles) {
+    const StatusOr<SharedMapResult> result =
+        service_->RequestSharedMap(context_, input, [&](const std::string& bytes) -> Status {
+          MAPP_ASSIGN_OR_RETURN(Tile tile, DecodeTile(bytes));
+          tiles->push_back(std::move(tile));
+          return absl::OkStatus();
+        });
+    EXPECT_TRUE(result.ok()) << result.status();
+    return *result;
+  }
+
+  SessionId session_;
+  const Pose3 seen_ = SyntheticWorld::Stand(0.1, -1.9, 0.03);
+  const Pose3 opposite_ = SyntheticWorld::Stand(0, 0, 3.14159);
+};
+
+using OverlapTest = ViewsTest;
+
+TEST_F(OverlapTest, RevisitedViewIsSeen) { EXPECT_GT(Overlap(world_, seen_, session_), 0.9); }
+
+TEST_F(OverlapTest, OppositeViewIsNot) { EXPECT_LT(Overlap(world_, opposite_, session_), 0.02); }
+
+TEST_F(OverlapTest, WhatOnlyFramesFromBehindHaveSeenDoesNotCount) {
+  // A camera inside the far wall looks back along the founder's rays: same points, opposite directions.
+  const Pose3 from_behind = SyntheticWorld::Stand(0, 6, 3.14159);
+  const Camera camera = SyntheticWorld::DeviceCamera();
+  ViewQuery query;
+  query.T_frame_camera = from_behind;
+  const std::vector<Eigen::Vector3d> wall = {{0.5, -1, 2}, {-1, 1, 2}, {-0.6, 0.9, 2}, {1, 0.2, 2}};
+  query.sketch = MakeDepthSketch(camera, wall);
+  const StatusOr<OverlapAnswer> answer = service_->AssessOverlap(context_, session_, query, 500);
+  ASSERT_TRUE(answer.ok());
+  EXPECT_EQ(std::count(answer->redundant.begin(), answer->redundant.end(), true), 0);
+}
+
+TEST_F(OverlapTest, GrowsWithTheMap) {
+  const Pose3 aside = SyntheticWorld::Stand(0, -2, 1.2);
+  const double before = Overlap(world_, aside, session_);
+  MustUpload(world_, aside, session_, 3);
+  EXPECT_LT(before, 0.5);
+  EXPECT_GT(Overlap(world_, aside, session_), 0.9);
+}
+
+TEST_F(OverlapTest, UniformSamplerFindsOnlyWhereThePointsAre) {
+  EXPECT_GT(Overlap(world_, seen_, session_, SamplerKind::kUniform), 0.5);
+  EXPECT_LT(Overlap(world_, opposite_, session_, SamplerKind::kUniform), 0.1);
+}
+
+TEST_F(OverlapTest, EmptySketchHasNoSamples) {
+  const StatusOr<OverlapAnswer> answer = service_->AssessOverlap(context_, session_, ViewQuery{}, 1000);
+  ASSERT_TRUE(answer.ok());
+  EXPECT_TRUE(answer->redundant.empty());
+}
+
+TEST_F(OverlapTest, RefusesWhatItCannotAnswer) {
+  const auto code = [&](SessionId session, const ViewQuery& query, int num_samples) {
+    return service_->AssessOverlap(context_, session, query, num_samples).status().code();
+  };
+  EXPECT_EQ(code(SessionId(4711), {}, 10), absl::StatusCode::kNotFound);
+  EXPECT_EQ(code(session_, {}, 0), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(session_, {}, 1001), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(code(Open(), {}, 10), absl::StatusCode::kFailedPrecondition);
+  ViewQuery far_away;
+  far_away.T_frame_camera = Pose3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(0, 0, 2e6));
+  EXPECT_EQ(code(session_, far_away, 10), absl::StatusCode::kInvalidArgument);
+  ASSERT_TRUE(service_->CloseSession(context_, session_).ok());
+  EXPECT_EQ(code(session_, {}, 10), absl::StatusCode::kFailedPrecondition);
+}
+
+using SharedMapTest = ViewsTest;
+
+TEST_F(SharedMapTest, HoldsEveryPointOfTheTilesNearestFirst) {
+  std::vector<Tile> tiles;
+  const SharedMapResult result = MustReceive(Request(seen_), &tiles);
+  EXPECT_EQ(result.num_tiles_sent, tiles.size());
+  EXPECT_EQ(result.num_tiles_over_budget, 0U);
+  EXPECT_EQ(result.map_revision, Map().revision);
+  size_t num_points = 0;
+  double previous = 0;
+  for (const Tile& tile : tiles) {
+    EXPECT_TRUE(CheckConsistency(tile).empty());
+    num_points += tile.points.size();
+    const double distance = TileGrid{tile.edge_m}.BoxOf(tile.key).exteriorDistance(seen_.translation());
+    EXPECT_GE(distance, previous);
+    previous = distance;
+  }
+  EXPECT_EQ(static_cast<int64_t>(num_points), Map().num_points) << "the cone meets all of this small map's tiles";
+}
+
+TEST_F(SharedMapTest, HeldTilesAreNotSentAgainUntilTheyChange) {
+  std::vector<Tile> tiles;
+  MustReceive(Request(seen_), &tiles);
+  SharedMapInput request = Request(seen_);
+  for (const Tile& tile : tiles) request.held_tiles.push_back({tile.key, tile.revision});
+  std::vector<Tile> again;
+  const SharedMapResult result = MustReceive(request, &again);
+  EXPECT_TRUE(again.empty());
+  EXPECT_EQ(result.num_tiles_unchanged, tiles.size());
+
+  MustUpload(world_, seen_, session_, 3);
+  MustReceive(request, &again);
+  EXPECT_FALSE(again.empty());
+}
+
+TEST_F(SharedMapTest, StoredBytesAreServedAsTheyAre) {
+  std::vector<Tile> tiles;
+  MustReceive(Request(seen_), &tiles);
+  service_->Shutdown();  // waits for the thread that stores encoded tiles, or drops what it has not begun
+  std::vector<Tile> again;
+  MustReceive(Request(seen_), &again);
+  ASSERT_EQ(again.size(), tiles.size());
+  for (size_t i = 0; i < tiles.size(); ++i) EXPECT_EQ(EncodeTile(again[i]), EncodeTile(tiles[i]));
+}
+
+TEST_F(SharedMapTest, BudgetEndsTheStream) {
+  std::vector<Tile> all;
+  MustReceive(Request(seen_), &all);
+  ASSERT_GE(all.size(), 2U);
+  SharedMapInput request = Request(seen_);
+  request.max_bytes = EncodeTile(all[0]).size() + 1;
+  std::vector<Tile> some;
+  const SharedMapResult result = MustReceive(request, &some);
+  ASSERT_EQ(some.size(), 1U);
+  EXPECT_EQ(some[0].key, all[0].key);
+  EXPECT_EQ(result.num_tiles_over_budget, all.size() - 1);
+}
+
+TEST_F(SharedMapTest, StopsWithTheReceiversError) {
+  const StatusOr<SharedMapResult> result = service_->RequestSharedMap(
+      context_, Request(seen_), [](const std::string&) { return absl::CancelledError("the caller is gone"); });
+  EXPECT_EQ(result.status().code(), absl::StatusCode::kCancelled);
+  SharedMapInput narrow = Request(seen_);
+  narrow.oversharing = 0.5;
+  EXPECT_EQ(
+      service_->RequestSharedMap(context_, narrow, [](const std::string&) { return absl::OkStatus(); }).status().code(),
+      absl::StatusCode::kInvalidArgument);
+}
+
+using UpdateTest = ViewsTest;
+
+TEST_F(UpdateTest, SameWorldNeedsNoUpdate) {
+  const StatusOr<UpdateResult> result = service_->ReportUpdate(context_, session_, {Packet(world_, seen_)});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->verdict, UpdateVerdict::kNone);
+  EXPECT_LT(result->new_share, 0.1);
+  EXPECT_LT(result->missing_points.size(), 5U);
+}
+
+TEST_F(UpdateTest, RemovedCabinetIsMissed) {
+  const SyntheticWorld emptied = world_.WithoutCabinet();
+  const StatusOr<UpdateResult> result = service_->ReportUpdate(
+      context_, session_, {Packet(emptied, seen_), Packet(emptied, SyntheticWorld::Stand(-0.5, -2, 0.1))});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->verdict, UpdateVerdict::kUpdating);
+  EXPECT_GT(result->missing_points.size(), 30U);
+  ASSERT_FALSE(result->missing_boxes.empty());
+  const Aabb around_cabinet(Eigen::Vector3d(-0.9, -0.5, 2.3), Eigen::Vector3d(0.9, 1.7, 3.3));
+  for (const Aabb& box : result->missing_boxes) EXPECT_TRUE(around_cabinet.contains(box));
+}
+
+TEST_F(UpdateTest, NewPlaceIsExpansion) {
+  const StatusOr<UpdateResult> result = service_->ReportUpdate(context_, session_, {Packet(world_, opposite_)});
+  ASSERT_TRUE(result.ok()) << result.status();
+  EXPECT_EQ(result->verdict, UpdateVerdict::kExpansion);
+  EXPECT_GT(result->new_share, 0.9);
+  EXPECT_TRUE(result->missing_points.empty());
+}
+
+TEST_F(UpdateTest, StoresNothing) {
+  const Revision before = Map().revision;
+  ASSERT_TRUE(service_->ReportUpdate(context_, session_, {Packet(world_.WithoutCabinet(), seen_)}).ok());
+  EXPECT_EQ(Map().revision, before);
+}
+
+TEST_F(UpdateTest, RefusesBadReports) {
+  const std::string good = Packet(world_, seen_);
+  const auto refuse = [&](const std::vector<std::string>& packets, const std::string& message_start) {
+    const StatusOr<UpdateResult> result = service_->ReportUpdate(context_, session_, packets);
+    EXPECT_EQ(result.status().code(), absl::StatusCode::kInvalidArgument);
+    EXPECT_THAT(std::string(result.status().message()), StartsWith(message_start));
+  };
+  refuse({}, "keyframes: ");
+  refuse(std::vector<std::string>(9, good), "keyframes: ");
+  refuse({good, good.substr(0, 100)}, "keyframes[1]");
+  refuse({EncodeKeyframe(world_.View(seen_, Open(), 0, rng_))}, "keyframes[0].session_id: ");
+}
+
+}  // namespace
+}  // namespace mapp::testing
