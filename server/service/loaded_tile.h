@@ -65,12 +65,23 @@ class LoadedTile {
     }
   }
 
-  /// Whether `accept(const LoadedPoint&)` holds for any point nearer to `p_map` than `radius_m`.
+  /// Slots are below this; a point keeps its slot for as long as this object lives.
+  size_t num_slots() const {
+    size_t slots = 0;
+    for (const Part& part : parts_) slots += part.segment->points.size();
+    return slots;
+  }
+
+  /// Whether `accept(const LoadedPoint&, size_t slot)` holds for any point nearer to `p_map` than `radius_m`.
   template <typename Accept>
   bool AnyWithin(const Eigen::Vector3f& p_map, float radius_m, const Accept& accept) const {
+    size_t first_slot = 0;
     for (const Part& part : parts_) {
-      const auto accept_live = [&](size_t i) { return !part.IsHidden(i) && accept(part.segment->points[i]); };
+      const auto accept_live = [&](size_t i) {
+        return !part.IsHidden(i) && accept(part.segment->points[i], first_slot + i);
+      };
       if (part.segment->tree.AnyWithin(p_map, radius_m, accept_live)) return true;
+      first_slot += part.segment->points.size();
     }
     return false;
   }

@@ -3,6 +3,7 @@
 #include "mapp/view/sampler.h"
 
 #include <cmath>
+#include <limits>
 #include <utility>
 
 namespace mapp {
@@ -10,22 +11,8 @@ namespace {
 
 const float kCosLikeView = static_cast<float>(std::cos(kLikeViewAngle));
 
-/// The ball around one sample in scaled coordinates, tested without a logarithm where the lateral distance decides.
-struct ScaledBall {
-  Eigen::Vector3f center;  // scaled coordinates
-  float squared_radius;
-
-  bool Contains(const Eigen::Vector3f& p_camera) const {
-    if (p_camera.z() <= 0) return false;
-    const float inverse_z = 1 / p_camera.z();
-    const float dx = p_camera.x() * inverse_z - center.x();
-    const float dy = p_camera.y() * inverse_z - center.y();
-    const float lateral = dx * dx + dy * dy;
-    if (lateral > squared_radius) return false;
-    const float dz = 0.5F * std::log(p_camera.z()) - center.z();
-    return lateral + dz * dz <= squared_radius;
-  }
-};
+/// Scaled coordinates of a point that does not count: within no radius of anything.
+const Eigen::Vector3f kNowhere = Eigen::Vector3f::Constant(std::numeric_limits<float>::infinity());
 
 }  // namespace
 
@@ -46,6 +33,7 @@ ViewSearch::ViewSearch(const ViewCone& cone, std::vector<std::shared_ptr<const L
       tiles_(std::move(tiles)) {
   judgements_.reserve(tiles_.size());
   for (const auto& tile : tiles_) judgements_.emplace_back(tile->frames().size(), Judgement::kUnknown);
+  scaled_points_.resize(tiles_.size());
 }
 
 bool ViewSearch::IsNeighborFrame(size_t tile, uint32_t frame) {
@@ -61,7 +49,7 @@ bool ViewSearch::IsNeighborFrame(size_t tile, uint32_t frame) {
 bool ViewSearch::AnyWithin(const Eigen::Vector3f& p_camera, float radius_m) {
   const Eigen::Vector3f p_map = ToMap(p_camera);
   for (size_t t = 0; t < tiles_.size(); ++t) {
-    const auto is_neighbor_point = [&](const LoadedPoint& point) {
+    const auto is_neighbor_point = [&](const LoadedPoint& point, size_t /*slot*/) {
       for (uint32_t i = 0; i < point.num_observers; ++i) {
         if (IsNeighborFrame(t, point.observer_frames[i])) return true;
       }
@@ -72,22 +60,32 @@ bool ViewSearch::AnyWithin(const Eigen::Vector3f& p_camera, float radius_m) {
   return false;
 }
 
+Eigen::Vector3f ViewSearch::ScaledIfSeenAlike(size_t tile, const LoadedPoint& point) {
+  const Eigen::Vector3f from_center = point.p_map - center_;
+  const Eigen::Vector3f p_camera = R_map_camera_.transpose() * from_center;
+  if (p_camera.z() <= 0) return kNowhere;
+  const float least_dot = kCosLikeView * from_center.norm();
+  for (uint32_t i = 0; i < point.num_observers; ++i) {
+    if (point.observer_directions[i].dot(from_center) >= least_dot && IsNeighborFrame(tile, point.observer_frames[i])) {
+      return ScaledCoordinates(p_camera);
+    }
+  }
+  return kNowhere;
+}
+
 bool ViewSearch::AnyWithinScaled(const Eigen::Vector3f& p_camera, float radius) {
   const Eigen::Vector3f p_map = ToMap(p_camera);
   const float radius_m = BoundingRadius(p_camera, radius);
-  const ScaledBall ball{ScaledCoordinates(p_camera), radius * radius};
+  const Eigen::Vector3f scaled = ScaledCoordinates(p_camera);
+  const float squared_radius = radius * radius;
   for (size_t t = 0; t < tiles_.size(); ++t) {
-    const auto holds = [&](const LoadedPoint& point) {
-      const Eigen::Vector3f from_center = point.p_map - center_;
-      if (!ball.Contains(R_map_camera_.transpose() * from_center)) return false;
-      const float least_dot = kCosLikeView * from_center.norm();
-      for (uint32_t i = 0; i < point.num_observers; ++i) {
-        if (point.observer_directions[i].dot(from_center) >= least_dot &&
-            IsNeighborFrame(t, point.observer_frames[i])) {
-          return true;
-        }
-      }
-      return false;
+    // Samples lie closely: each point is met by many, so it is judged once. A compact array also spares the cache.
+    std::vector<ScaledPoint>& scaled_points = scaled_points_[t];
+    if (scaled_points.empty()) scaled_points.resize(tiles_[t]->num_slots());
+    const auto holds = [&](const LoadedPoint& point, size_t slot) {
+      ScaledPoint& candidate = scaled_points[slot];
+      if (!candidate.known) candidate = {ScaledIfSeenAlike(t, point), true};
+      return (candidate.position - scaled).squaredNorm() <= squared_radius;
     };
     if (tiles_[t]->AnyWithin(p_map, radius_m, holds)) return true;
   }

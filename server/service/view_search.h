@@ -28,14 +28,23 @@ class ViewSearch {
  private:
   enum class Judgement : uint8_t { kUnknown, kNeighbor, kStranger };
 
+  struct ScaledPoint {
+    Eigen::Vector3f position = Eigen::Vector3f::Zero();
+    bool known = false;
+  };
+
   bool IsNeighborFrame(size_t tile, uint32_t frame);
+  /// Where the point lies in the view's scaled coordinates; infinitely far when no neighbour frame saw it from a like
+  /// direction or it lies behind the camera.
+  Eigen::Vector3f ScaledIfSeenAlike(size_t tile, const LoadedPoint& point);
   Eigen::Vector3f ToMap(const Eigen::Vector3f& p_camera) const { return R_map_camera_ * p_camera + center_; }
 
   ViewCone cone_;
   Eigen::Matrix3f R_map_camera_;
   Eigen::Vector3f center_;
   std::vector<std::shared_ptr<const LoadedTile>> tiles_;
-  std::vector<std::vector<Judgement>> judgements_;  // by tile, frame
+  std::vector<std::vector<Judgement>> judgements_;       // by tile, frame
+  std::vector<std::vector<ScaledPoint>> scaled_points_;  // by tile, slot; filled as points are met
 };
 
 /// Metric radius of a ball around a point that holds everything within `radius` of it in scaled coordinates.
