@@ -22,7 +22,11 @@ bool KeyframePolicy::IsDue(const TrackedFrame& tracked, bool on_shared_map) {
   const int num_matches = CountReferenceMatches(tracked);
   most_matches_ = std::max(most_matches_, num_matches);
   if (forced_) return true;
-  if (frames_since_keyframe_ >= options_.max_frames_between_keyframes) return true;
+  const bool starting = num_keyframes_ < options_.num_start_keyframes;
+  if (frames_since_keyframe_ >=
+      (starting ? options_.max_frames_between_start_keyframes : options_.max_frames_between_keyframes)) {
+    return true;
+  }
   if (frames_since_keyframe_ < kMinFramesBetween) return false;
   // A server's map holds fewer of a frame's close points than the device's own map does after a keyframe: to weigh them
   // there would call for one at every other frame.
@@ -32,6 +36,7 @@ bool KeyframePolicy::IsDue(const TrackedFrame& tracked, bool on_shared_map) {
 
 void KeyframePolicy::OnKeyframe(const TrackedFrame& tracked) {
   SetReference(tracked);
+  ++num_keyframes_;
   frames_since_keyframe_ = 0;
   forced_ = false;
 }

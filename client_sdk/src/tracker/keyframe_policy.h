@@ -35,6 +35,7 @@ class KeyframePolicy {
   std::vector<PointView> reference_points_;  ///< the last keyframe's features with depth
   int most_matches_ = 0;                     ///< of them in one frame, so far
   int frames_since_keyframe_ = 0;
+  int num_keyframes_ = 0;  ///< would-be ones counted
   bool forced_ = false;
 };
 

@@ -21,6 +21,10 @@ struct OrbTrackerOptions {
   /// Fewer matched shared points than this is a localisation failure (ORB-SLAM3; DESIGN 3).
   int min_shared_matches = 75;
   int min_tracked_points = 20;      ///< below this the frame is lost
+  /// The first keyframes of a session come closer together, so that the server has the views that an alignment takes
+  /// while the device is still near its start.
+  int num_start_keyframes = 4;
+  int max_frames_between_start_keyframes = 5;
   /// A keyframe is due at the latest after this many frames.
   int max_frames_between_keyframes = 15;
   /// ... or when less than this share of what the frame after it still saw of the last keyframe is found. 0.8 gives a
