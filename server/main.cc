@@ -86,6 +86,9 @@ MapServiceOptions ServiceOptions(const ServerConfig& config) {
   options.registrar.on_error = [](SessionId session, const Status& status) {
     log::Warning("registration_failed", {{"session", session.value()}, {"error", status.ToString()}});
   };
+  options.optimizer.on_error = [](SessionId session, const Status& status) {
+    log::Warning("optimization_failed", {{"session", session.value()}, {"error", status.ToString()}});
+  };
   return options;
 }
 

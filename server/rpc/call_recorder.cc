@@ -29,7 +29,8 @@ void CallRecorder::Record(const std::string& method, const std::string& code, st
     series.latest_ms[series.num_calls % kWindow] = latency_ms;
   }
   ++series.num_calls;
-  if (code != "OK") ++series.num_errors;
+  // A watch ends by its caller going away: that is no error of anybody's.
+  if (code != "OK" && code != "CANCELLED") ++series.num_errors;
 }
 
 std::vector<MethodFigures> CallRecorder::Snapshot() const {
