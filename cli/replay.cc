@@ -177,13 +177,17 @@ Status RunReplay(const ReplayOptions& options, std::stop_token stop, std::ostrea
 
   const auto start = std::chrono::steady_clock::now();
   const PlayedFrames played = Play(*sequence, options.rate, options.patience, stop, *device);
-  const Status closed = device->Close(options.patience, /*wait_for_optimization=*/true);
+  Status closed = device->Close(options.patience, /*wait_for_optimization=*/true);
 
   ReplayReport report;
   report.sequence = options.sequence;
   report.map = options.map_name;
   report.device = options.device;
   report.policy = options.policy == UploadPolicy::kMap ? "map" : "upload_all";
+  // A server that is killed while it optimizes forgets to; the session's own data are safe.
+  report.optimization_pending =
+      absl::IsDeadlineExceeded(closed) && device->participant().state() == ParticipantState::kClosed;
+  if (report.optimization_pending) closed = absl::OkStatus();
   report.interrupted = absl::IsCancelled(played.status);
   report.duration_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const SessionTrajectory trajectory = TrajectoryOf(*device);

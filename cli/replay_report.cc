@@ -38,7 +38,8 @@ std::string FormatJson(const ReplayReport& report) {
   json.BeginObject();
   json.Field("sequence", report.sequence).Field("map", report.map).Field("device", report.device);
   json.Field("policy", report.policy).Field("session_id", report.session_id);
-  json.Field("interrupted", report.interrupted).Field("duration_s", report.duration_s);
+  json.Field("interrupted", report.interrupted).Field("optimization_pending", report.optimization_pending);
+  json.Field("duration_s", report.duration_s);
 
   json.Field("frames", report.frames).Field("frames_tracked", report.frames_tracked);
   json.Field("keyframes", report.keyframes).Field("keyframe_equivalents", report.keyframe_equivalents);
@@ -90,6 +91,7 @@ std::string FormatText(const ReplayReport& report) {
   table.AddRow({"shared_map_requests", std::to_string(report.shared_map_requests)});
   table.AddRow({"tracking_ms", fmt::format("p50 {:.1f}, p95 {:.1f}", report.tracking_ms_p50, report.tracking_ms_p95)});
   table.AddRow({"local_mapping_ms_total", fmt::format("{:.0f}", report.local_mapping_ms_total)});
+  if (report.optimization_pending) table.AddRow({"optimization", "pending"});
   table.AddRow({"ate_m", Meters(report.ate_m)});
   table.AddRow({"ate_joint_m", Meters(report.ate_joint_m)});
   return table.Format();

@@ -18,7 +18,9 @@ struct ReplayReport {
   std::string policy;
   uint64_t session_id = 0;
   bool interrupted = false;  ///< ended by a signal before the last frame
-  double duration_s = 0;     ///< from the first frame to the closed session
+  /// The session was closed, but the end of the map's optimization was not heard of in time; poses are as before it.
+  bool optimization_pending = false;
+  double duration_s = 0;  ///< from the first frame to the closed session
 
   uint64_t frames = 0;          ///< played
   uint64_t frames_tracked = 0;  ///< with a pose

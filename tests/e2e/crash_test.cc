@@ -17,6 +17,9 @@ namespace {
 using std::chrono::milliseconds;
 
 constexpr int kNumKills = 12;
+/// In one session, so that it comes to its end.
+constexpr int kMaxKillsPerSession = 12;
+constexpr std::chrono::minutes kReplayTimeout(5);
 constexpr uint64_t kSeed = 20240731;
 
 class CrashTest : public ServiceTest {
@@ -27,7 +30,7 @@ class CrashTest : public ServiceTest {
     return list.out.find(fmt::format("\"device\": \"{}\"", device)) != std::string::npos;
   }
 
-  /// Replays while killing the server at random moments until the replay ends; returns the number of kills.
+  /// Replays while killing the server at random moments; returns the number of kills.
   int ReplayUnderFire(const std::string& sequence, const std::string& device, Rng& rng) {
     std::vector<std::string> command = ReplayArguments(sequence, device, {"--policy", "upload_all"});
     command.insert(command.begin(), MappBinary());
@@ -35,12 +38,12 @@ class CrashTest : public ServiceTest {
     std::optional<int> exit_code;
     while (!exit_code && !HasSession(device)) exit_code = replay.Wait(milliseconds(20));
     int num_kills = 0;
-    while (!exit_code) {
+    for (; !exit_code && num_kills < kMaxKillsPerSession; ++num_kills) {
       exit_code = replay.Wait(milliseconds(100 + rng.Below(900)));
       if (exit_code) break;
       KillAndRestartServer();
-      ++num_kills;
     }
+    if (!exit_code) exit_code = replay.Wait(kReplayTimeout);
     EXPECT_EQ(exit_code, 0) << replay.StandardError();
     return num_kills;
   }
