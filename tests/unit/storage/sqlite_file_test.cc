@@ -5,6 +5,7 @@
 #include <sqlite3.h>
 
 #include <fstream>
+#include <sched.h>
 #include <sys/mount.h>
 #include <unistd.h>
 
@@ -202,6 +203,13 @@ TEST_F(SqliteFileTest, DamagedRowsAreReportedByName) {
   EXPECT_EQ(Value(reader->GetFrame(frame)).number, 0U) << "the rest stays readable";
 }
 
+/// Mounts a small disk on `folder`, in a mount namespace of the test's own: it goes with the process, however that
+/// ends.
+bool MountSmallDisk(const std::string& folder) {
+  return unshare(CLONE_NEWNS) == 0 && mount("none", "/", nullptr, MS_REC | MS_PRIVATE, nullptr) == 0 &&
+         mount("tmpfs", folder.c_str(), "tmpfs", 0, "size=4m") == 0;
+}
+
 /// Uploads until the disk is full, then expects that nothing of the failed one stays and that reads go on.
 uint32_t FillUp(MapStore& store, const Scene& scene) {
   uint32_t number = 0;
@@ -230,7 +238,7 @@ TEST_F(SqliteFileTest, FullFileTakesNothingMoreUntilThereIsRoom) {
 TEST_F(SqliteFileTest, FullDiskTakesNothingMoreUntilThereIsRoom) {
   const std::string disk = folder_.File("disk");
   std::filesystem::create_directory(disk);
-  if (mount("tmpfs", disk.c_str(), "tmpfs", 0, "size=4m") != 0) GTEST_SKIP() << "needs the right to mount";
+  if (!MountSmallDisk(disk)) GTEST_SKIP() << "needs the right to mount";
   {
     const std::string ballast = disk + "/ballast";
     WriteFile(ballast, std::string(2 << 20, 'x'));
