@@ -65,23 +65,24 @@ class LoadedTile {
     }
   }
 
-  /// Slots are below this; a point keeps its slot for as long as this object lives.
-  size_t num_slots() const {
-    size_t slots = 0;
-    for (const Part& part : parts_) slots += part.segment->points.size();
-    return slots;
+  /// Calls `visit(const Eigen::Vector3f& p_map, const LoadedPoint&)` for every point. Positions lie together, so that
+  /// a visitor which passes most points over by their position does not read the rest of them.
+  template <typename Visit>
+  void ForEachPosition(const Visit& visit) const {
+    for (const Part& part : parts_) {
+      const std::vector<Eigen::Vector3f>& positions = part.segment->tree.points();
+      for (size_t i = 0; i < positions.size(); ++i) {
+        if (!part.IsHidden(i)) visit(positions[i], part.segment->points[i]);
+      }
+    }
   }
 
-  /// Whether `accept(const LoadedPoint&, size_t slot)` holds for any point nearer to `p_map` than `radius_m`.
+  /// Whether `accept(const LoadedPoint&)` holds for any point nearer to `p_map` than `radius_m`.
   template <typename Accept>
   bool AnyWithin(const Eigen::Vector3f& p_map, float radius_m, const Accept& accept) const {
-    size_t first_slot = 0;
     for (const Part& part : parts_) {
-      const auto accept_live = [&](size_t i) {
-        return !part.IsHidden(i) && accept(part.segment->points[i], first_slot + i);
-      };
+      const auto accept_live = [&](size_t i) { return !part.IsHidden(i) && accept(part.segment->points[i]); };
       if (part.segment->tree.AnyWithin(p_map, radius_m, accept_live)) return true;
-      first_slot += part.segment->points.size();
     }
     return false;
   }

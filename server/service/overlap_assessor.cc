@@ -35,13 +35,8 @@ StatusOr<std::vector<bool>> AssessSamples(TileCache& tiles, const MapView& view,
   const SampleSet samples = MakeSamples(view, query, num_samples);
   MAPP_ASSIGN_OR_RETURN(auto tiles_in_reach, tiles.TilesInBox(view.map, SearchBox(view.T_map_camera, samples)));
   ViewSearch search(view.Cone(), std::move(tiles_in_reach));
-  std::vector<bool> redundant;
-  redundant.reserve(samples.p_camera.size());
-  for (const Eigen::Vector3f& p_camera : samples.p_camera) {
-    redundant.push_back(samples.kind == SamplerKind::kUniform ? search.AnyWithin(p_camera, samples.radius)
-                                                              : search.AnyWithinScaled(p_camera, samples.radius));
-  }
-  return redundant;
+  return samples.kind == SamplerKind::kUniform ? search.AnyWithin(samples.p_camera, samples.radius)
+                                               : search.AnyWithinScaled(samples.p_camera, samples.radius);
 }
 
 }  // namespace mapp

@@ -82,6 +82,8 @@ std::vector<size_t> PointTree::Nearest(const Eigen::Vector3f& p, size_t count) c
   return indices;
 }
 
+const std::vector<Eigen::Vector3f>& PointTree::points() const { return impl_->points; }
+
 size_t PointTree::bytes() const {
   // Twice the coordinates (FLANN keeps a reordered copy), an index and, per leaf, about two nodes of 64 bytes.
   const size_t num_points = impl_->points.size();

@@ -31,7 +31,7 @@ class PointTree {
   /// Indices of the (at most) `count` points nearest to `p`, nearest first.
   std::vector<size_t> Nearest(const Eigen::Vector3f& p, size_t count) const;
 
-  const Eigen::AlignedBox3f& bounds() const { return bounds_; }
+  const std::vector<Eigen::Vector3f>& points() const;
   /// Memory it holds, approximately.
   size_t bytes() const;
 

@@ -130,9 +130,8 @@ class Comparison {
   }
 
   void CountNew(const OwnGeometry& own, ViewSearch& search) {
-    for (const Eigen::Vector3f& p_camera : own.points()) {
-      if (!search.AnyWithinScaled(p_camera, options_.match_radius)) ++num_new_;
-    }
+    const std::vector<bool> held = search.AnyWithinScaled(own.points(), options_.match_radius);
+    num_new_ += static_cast<size_t>(std::count(held.begin(), held.end(), false));
     num_own_ += own.points().size();
   }
 

@@ -1,9 +1,9 @@
 #include "server/service/view_search.h"
 
 #include "mapp/view/sampler.h"
+#include "server/service/scaled_grid.h"
 
 #include <cmath>
-#include <limits>
 #include <utility>
 
 namespace mapp {
@@ -11,8 +11,27 @@ namespace {
 
 const float kCosLikeView = static_cast<float>(std::cos(kLikeViewAngle));
 
-/// Scaled coordinates of a point that does not count: within no radius of anything.
-const Eigen::Vector3f kNowhere = Eigen::Vector3f::Constant(std::numeric_limits<float>::infinity());
+/// Tests points in the camera's frame against a box in scaled coordinates, without a division or a logarithm.
+class FrustumTest {
+ public:
+  explicit FrustumTest(const Eigen::AlignedBox3f& scaled_box)
+      : low_(scaled_box.min()),
+        high_(scaled_box.max()),
+        nearest_(std::exp(2 * low_.z())),
+        farthest_(std::exp(2 * high_.z())) {}
+
+  bool Contains(const Eigen::Vector3f& p_camera) const {
+    const float z = p_camera.z();
+    return z >= nearest_ && z <= farthest_ && p_camera.x() >= low_.x() * z && p_camera.x() <= high_.x() * z &&
+           p_camera.y() >= low_.y() * z && p_camera.y() <= high_.y() * z;
+  }
+
+ private:
+  Eigen::Vector3f low_;
+  Eigen::Vector3f high_;
+  float nearest_;
+  float farthest_;
+};
 
 }  // namespace
 
@@ -33,7 +52,6 @@ ViewSearch::ViewSearch(const ViewCone& cone, std::vector<std::shared_ptr<const L
       tiles_(std::move(tiles)) {
   judgements_.reserve(tiles_.size());
   for (const auto& tile : tiles_) judgements_.emplace_back(tile->frames().size(), Judgement::kUnknown);
-  scaled_points_.resize(tiles_.size());
 }
 
 bool ViewSearch::IsNeighborFrame(size_t tile, uint32_t frame) {
@@ -46,50 +64,67 @@ bool ViewSearch::IsNeighborFrame(size_t tile, uint32_t frame) {
   return judgement == Judgement::kNeighbor;
 }
 
-bool ViewSearch::AnyWithin(const Eigen::Vector3f& p_camera, float radius_m) {
-  const Eigen::Vector3f p_map = ToMap(p_camera);
-  for (size_t t = 0; t < tiles_.size(); ++t) {
-    const auto is_neighbor_point = [&](const LoadedPoint& point, size_t /*slot*/) {
-      for (uint32_t i = 0; i < point.num_observers; ++i) {
-        if (IsNeighborFrame(t, point.observer_frames[i])) return true;
-      }
-      return false;
-    };
-    if (tiles_[t]->AnyWithin(p_map, radius_m, is_neighbor_point)) return true;
+bool ViewSearch::HasNeighborObserver(size_t tile, const LoadedPoint& point) {
+  for (uint32_t i = 0; i < point.num_observers; ++i) {
+    if (IsNeighborFrame(tile, point.observer_frames[i])) return true;
   }
   return false;
 }
 
-Eigen::Vector3f ViewSearch::ScaledIfSeenAlike(size_t tile, const LoadedPoint& point) {
-  const Eigen::Vector3f from_center = point.p_map - center_;
-  const Eigen::Vector3f p_camera = R_map_camera_.transpose() * from_center;
-  if (p_camera.z() <= 0) return kNowhere;
-  const float least_dot = kCosLikeView * from_center.norm();
+bool ViewSearch::IsSeenAlike(size_t tile, const LoadedPoint& point) {
+  const Eigen::Vector3f ray = point.p_map - center_;
+  const float least_dot = kCosLikeView * ray.norm();
   for (uint32_t i = 0; i < point.num_observers; ++i) {
-    if (point.observer_directions[i].dot(from_center) >= least_dot && IsNeighborFrame(tile, point.observer_frames[i])) {
-      return ScaledCoordinates(p_camera);
+    if (point.observer_directions[i].dot(ray) >= least_dot && IsNeighborFrame(tile, point.observer_frames[i])) {
+      return true;
     }
   }
-  return kNowhere;
+  return false;
 }
 
-bool ViewSearch::AnyWithinScaled(const Eigen::Vector3f& p_camera, float radius) {
-  const Eigen::Vector3f p_map = ToMap(p_camera);
-  const float radius_m = BoundingRadius(p_camera, radius);
-  const Eigen::Vector3f scaled = ScaledCoordinates(p_camera);
-  const float squared_radius = radius * radius;
-  for (size_t t = 0; t < tiles_.size(); ++t) {
-    // Samples lie closely: each point is met by many, so it is judged once. A compact array also spares the cache.
-    std::vector<ScaledPoint>& scaled_points = scaled_points_[t];
-    if (scaled_points.empty()) scaled_points.resize(tiles_[t]->num_slots());
-    const auto holds = [&](const LoadedPoint& point, size_t slot) {
-      ScaledPoint& candidate = scaled_points[slot];
-      if (!candidate.known) candidate = {ScaledIfSeenAlike(t, point), true};
-      return (candidate.position - scaled).squaredNorm() <= squared_radius;
-    };
-    if (tiles_[t]->AnyWithin(p_map, radius_m, holds)) return true;
+std::vector<bool> ViewSearch::AnyWithin(std::span<const Eigen::Vector3f> p_camera, float radius_m) {
+  std::vector<bool> found;
+  found.reserve(p_camera.size());
+  for (const Eigen::Vector3f& p : p_camera) {
+    const Eigen::Vector3f p_map = R_map_camera_ * p + center_;
+    bool any = false;
+    for (size_t t = 0; t < tiles_.size() && !any; ++t) {
+      any = tiles_[t]->AnyWithin(p_map, radius_m,
+                                 [&](const LoadedPoint& point) { return HasNeighborObserver(t, point); });
+    }
+    found.push_back(any);
   }
-  return false;
+  return found;
+}
+
+std::vector<Eigen::Vector3f> ViewSearch::PointsSeenAlike(const Eigen::AlignedBox3f& scaled_box) {
+  const FrustumTest frustum(scaled_box);
+  const Eigen::Matrix3f R_camera_map = R_map_camera_.transpose();
+  std::vector<Eigen::Vector3f> scaled;
+  for (size_t t = 0; t < tiles_.size(); ++t) {
+    tiles_[t]->ForEachPosition([&](const Eigen::Vector3f& p_map, const LoadedPoint& point) {
+      const Eigen::Vector3f p_camera = R_camera_map * (p_map - center_);
+      if (frustum.Contains(p_camera) && IsSeenAlike(t, point)) scaled.push_back(ScaledCoordinates(p_camera));
+    });
+  }
+  return scaled;
+}
+
+std::vector<bool> ViewSearch::AnyWithinScaled(std::span<const Eigen::Vector3f> p_camera, float radius) {
+  std::vector<Eigen::Vector3f> asked;
+  asked.reserve(p_camera.size());
+  Eigen::AlignedBox3f box;
+  for (const Eigen::Vector3f& p : p_camera) {
+    asked.push_back(ScaledCoordinates(p));
+    box.extend(asked.back());
+  }
+  if (asked.empty()) return {};
+  const Eigen::Vector3f margin = Eigen::Vector3f::Constant(radius);
+  const ScaledGrid grid(PointsSeenAlike({box.min() - margin, box.max() + margin}), radius);
+  std::vector<bool> found;
+  found.reserve(asked.size());
+  for (const Eigen::Vector3f& scaled : asked) found.push_back(grid.AnyWithin(scaled));
+  return found;
 }
 
 }  // namespace mapp

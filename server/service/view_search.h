@@ -6,6 +6,7 @@
 #include <cstdint>
 #include <memory>
 #include <numbers>
+#include <span>
 #include <vector>
 
 namespace mapp {
@@ -17,34 +18,34 @@ class ViewSearch {
   /// `cone.range_m` is h of the map.
   ViewSearch(const ViewCone& cone, std::vector<std::shared_ptr<const LoadedTile>> tiles);
 
-  /// Whether a neighbour point lies within `radius_m` of the point, which is in the view camera's frame.
-  bool AnyWithin(const Eigen::Vector3f& p_camera, float radius_m);
-  /// Whether a neighbour point lies within `radius` of the point in scaled coordinates (view/sampler.h) that some
-  /// neighbour frame saw from within 50 degrees of the view's ray to it (OVERLAP study).
-  bool AnyWithinScaled(const Eigen::Vector3f& p_camera, float radius);
+  /// For each of the points, which are in the view camera's frame, whether a neighbour point lies within `radius_m`:
+  /// one search in the tiles' KD-trees each.
+  std::vector<bool> AnyWithin(std::span<const Eigen::Vector3f> p_camera, float radius_m);
+
+  /// For each of the points (z > 0), whether a neighbour point lies within `radius` of it in scaled coordinates
+  /// (view/sampler.h) that some neighbour frame saw from within 50 degrees of the view's ray to it (OVERLAP study).
+  ///
+  /// A ball in scaled coordinates is long and thin in metres. The metric ball around it, which a KD-tree of the tile
+  /// would be asked for, holds hundreds of points; so the points of the view are brought to scaled coordinates once
+  /// and searched there (docs/decisions/overlap-search.md has the measurement).
+  std::vector<bool> AnyWithinScaled(std::span<const Eigen::Vector3f> p_camera, float radius);
 
   const std::vector<std::shared_ptr<const LoadedTile>>& tiles() const { return tiles_; }
 
  private:
   enum class Judgement : uint8_t { kUnknown, kNeighbor, kStranger };
 
-  struct ScaledPoint {
-    Eigen::Vector3f position = Eigen::Vector3f::Zero();
-    bool known = false;
-  };
-
   bool IsNeighborFrame(size_t tile, uint32_t frame);
-  /// Where the point lies in the view's scaled coordinates; infinitely far when no neighbour frame saw it from a like
-  /// direction or it lies behind the camera.
-  Eigen::Vector3f ScaledIfSeenAlike(size_t tile, const LoadedPoint& point);
-  Eigen::Vector3f ToMap(const Eigen::Vector3f& p_camera) const { return R_map_camera_ * p_camera + center_; }
+  bool HasNeighborObserver(size_t tile, const LoadedPoint& point);
+  bool IsSeenAlike(size_t tile, const LoadedPoint& point);
+  /// Scaled coordinates of the neighbour points in `scaled_box` that were seen alike.
+  std::vector<Eigen::Vector3f> PointsSeenAlike(const Eigen::AlignedBox3f& scaled_box);
 
   ViewCone cone_;
   Eigen::Matrix3f R_map_camera_;
   Eigen::Vector3f center_;
   std::vector<std::shared_ptr<const LoadedTile>> tiles_;
-  std::vector<std::vector<Judgement>> judgements_;       // by tile, frame
-  std::vector<std::vector<ScaledPoint>> scaled_points_;  // by tile, slot; filled as points are met
+  std::vector<std::vector<Judgement>> judgements_;  // by tile, frame
 };
 
 /// Metric radius of a ball around a point that holds everything within `radius` of it in scaled coordinates.

@@ -2,9 +2,11 @@
 
 #include "mapp/base/rng.h"
 #include "mapp/view/sampler.h"
+#include "server/service/scaled_grid.h"
 
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 
 namespace mapp::testing {
@@ -61,44 +63,73 @@ class ViewSearchTest : public ::testing::Test {
 };
 
 TEST_F(ViewSearchTest, ScaledSearchAgreesWithBruteForce) {
-  ViewSearch search(cone_, {tile_});
   const Pose3 T_camera_map = cone_.T_map_camera.Inverse();
   Rng rng(3);
   constexpr float kRadius = 0.07F;
-  int num_held = 0;
+  std::vector<Eigen::Vector3f> samples;
   for (int i = 0; i < 500; ++i) {
     const double z = rng.Uniform(0.5, 9);
-    const Eigen::Vector3f sample =
-        Eigen::Vector3d(z * rng.Uniform(-0.6, 0.6), z * rng.Uniform(-0.5, 0.5), z).cast<float>();
+    samples.emplace_back(Eigen::Vector3d(z * rng.Uniform(-0.6, 0.6), z * rng.Uniform(-0.5, 0.5), z).cast<float>());
+  }
+  const std::vector<bool> found = ViewSearch(cone_, {tile_}).AnyWithinScaled(samples, kRadius);
+  ASSERT_EQ(found.size(), samples.size());
+  for (size_t i = 0; i < samples.size(); ++i) {
     const bool expected = std::any_of(points_.begin(), points_.end(), [&](const PointRecord& point) {
       const Eigen::Vector3f p_camera = (T_camera_map * point.position).cast<float>();
-      return p_camera.z() > 0 && (ScaledCoordinates(p_camera) - ScaledCoordinates(sample)).norm() <= kRadius &&
+      return p_camera.z() > 0 && (ScaledCoordinates(p_camera) - ScaledCoordinates(samples[i])).norm() <= kRadius &&
              SeenAlike(point);
     });
-    EXPECT_EQ(search.AnyWithinScaled(sample, kRadius), expected) << sample.transpose();
-    num_held += expected ? 1 : 0;
+    EXPECT_EQ(found[i], expected) << samples[i].transpose();
   }
-  EXPECT_GT(num_held, 50);
-  EXPECT_LT(num_held, 450);
+  EXPECT_GT(std::count(found.begin(), found.end(), true), 50);
+  EXPECT_GT(std::count(found.begin(), found.end(), false), 50);
 }
 
 TEST_F(ViewSearchTest, MetricSearchCountsNeighborFramesOnly) {
-  ViewSearch search(cone_, {tile_});
   Rng rng(4);
+  std::vector<Eigen::Vector3f> samples;
   for (int i = 0; i < 300; ++i) {
-    const Eigen::Vector3d p_camera(rng.Uniform(-3, 3), rng.Uniform(-3, 3), rng.Uniform(0, 8));
-    const Eigen::Vector3d p_map = cone_.T_map_camera * p_camera;
+    samples.emplace_back(Eigen::Vector3d(rng.Uniform(-3, 3), rng.Uniform(-3, 3), rng.Uniform(0, 8)).cast<float>());
+  }
+  const std::vector<bool> found = ViewSearch(cone_, {tile_}).AnyWithin(samples, 0.4F);
+  for (size_t i = 0; i < samples.size(); ++i) {
+    const Eigen::Vector3d p_map = cone_.T_map_camera * samples[i].cast<double>();
     const bool expected = std::any_of(points_.begin(), points_.end(), [&](const PointRecord& point) {
       return point.observers[0] == FrameId(1) && (point.position - p_map).norm() < 0.4;
     });
-    EXPECT_EQ(search.AnyWithin(p_camera.cast<float>(), 0.4F), expected);
+    EXPECT_EQ(found[i], expected);
   }
 }
 
 TEST_F(ViewSearchTest, WithoutTilesNothingIsKnown) {
   ViewSearch search(cone_, {});
-  EXPECT_FALSE(search.AnyWithin({0, 0, 2}, 10));
-  EXPECT_FALSE(search.AnyWithinScaled({0, 0, 2}, 0.5F));
+  const std::vector<Eigen::Vector3f> samples = {{0, 0, 2}, {1, 0, 3}};
+  EXPECT_EQ(search.AnyWithin(samples, 10), std::vector<bool>(2, false));
+  EXPECT_EQ(search.AnyWithinScaled(samples, 0.5F), std::vector<bool>(2, false));
+  EXPECT_TRUE(search.AnyWithinScaled({}, 0.5F).empty());
+}
+
+TEST(ScaledGridTest, AgreesWithBruteForce) {
+  Rng rng(5);
+  // Thin, flat and wide sets of points: the last one has more extent than cells of the radius' size.
+  for (const Eigen::Vector3d& size : {Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(1, 1, 0), Eigen::Vector3d(9, 2, 1)}) {
+    std::vector<Eigen::Vector3f> points;
+    const auto random_point = [&](double margin) -> Eigen::Vector3f {
+      const Eigen::Vector3d unit(rng.Uniform(), rng.Uniform(), rng.Uniform());
+      const Eigen::Vector3d spread = size + Eigen::Vector3d::Constant(2 * margin);
+      return (unit.cwiseProduct(spread) - Eigen::Vector3d::Constant(margin)).cast<float>();
+    };
+    for (int i = 0; i < 800; ++i) points.push_back(random_point(0));
+    constexpr float kRadius = 0.08F;
+    const ScaledGrid grid(points, kRadius);
+    for (int i = 0; i < 1000; ++i) {
+      const Eigen::Vector3f asked = random_point(0.15);
+      const bool expected = std::any_of(points.begin(), points.end(), [&](const Eigen::Vector3f& point) {
+        return (point - asked).squaredNorm() <= kRadius * kRadius;
+      });
+      EXPECT_EQ(grid.AnyWithin(asked), expected);
+    }
+  }
 }
 
 }  // namespace
