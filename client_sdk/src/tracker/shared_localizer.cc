@@ -6,10 +6,11 @@
 namespace mapp::tracker {
 namespace {
 
-/// Half the search window while the frame before was on the map ...
+/// Half the search window once the session's poses are on the map ...
 constexpr double kTrackedRadiusPx = 6.0;
-/// ... and at the first, where the alignment may be off: 10 cm at 1.5 m and 525 px.
+/// ... and before, as the alignment may be off: 10 cm at 1.5 m and 525 px. A wide window needs a strict descriptor.
 constexpr double kFirstRadiusPx = 35.0;
+constexpr int kFirstMaxDistance = 64;
 /// The last refinement of either.
 constexpr double kRefinedRadiusPx = 5.0;
 constexpr double kMinFeatureShare = 0.4;
@@ -39,7 +40,6 @@ std::optional<int> SharedLocalizer::Take(const SharedMap& map) {
   }
   in_use_ = true;
   first_frame_ = true;
-  last_localized_ = false;
   return retired;
 }
 
@@ -62,7 +62,6 @@ SharedLocalizer::Outcome SharedLocalizer::Localize(const Frame& frame,
   outcome.num_matches = outcome.estimate.num_inliers;
   outcome.localized = outcome.num_matches >= RequiredMatches(frame.size(), options_);
   first_frame_ = false;
-  last_localized_ = outcome.localized;
   if (outcome.localized && tried_) {
     outcome.newly_adopted = true;
     adopted_ = std::exchange(tried_, std::nullopt);
@@ -78,8 +77,11 @@ PoseEstimate SharedLocalizer::EstimateOn(const Loaded& map, const Frame& frame,
   estimate.points.assign(frame.size(), kNone);
   if (T_session_camera_guess) {
     SearchOptions coarse;
-    coarse.radius_px = last_localized_ ? kTrackedRadiusPx : kFirstRadiusPx;
-    coarse.max_distance = last_localized_ ? coarse.max_distance : 64;
+    coarse.radius_px = kTrackedRadiusPx;
+    if (tried_) {
+      coarse.radius_px = kFirstRadiusPx;
+      coarse.max_distance = kFirstMaxDistance;
+    }
     estimate =
         SearchAndRefine(frame, camera_, camera_.shared_map, *T_session_camera_guess, map.points, coarse, required);
   }

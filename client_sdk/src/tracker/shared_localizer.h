@@ -70,7 +70,6 @@ class SharedLocalizer {
   std::optional<Loaded> adopted_;
   bool in_use_ = false;
   bool first_frame_ = false;  ///< of the map in use
-  bool last_localized_ = false;
   int last_generation_ = 0;
 };
 
