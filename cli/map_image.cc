@@ -44,6 +44,7 @@ TopView MakeView(const MapImageContent& content, const std::vector<SessionTrack>
   for (const SessionTrack& track : tracks) {
     for (const TrackFrame& frame : track.frames) cameras.push_back(frame.T_map_camera);
   }
+  points.reserve(content.map.points.size());
   for (const MapPointSummary& point : content.map.points) points.push_back(point.p_map);
   return TopView(
       cameras, points,

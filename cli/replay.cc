@@ -170,7 +170,7 @@ StatusOr<std::unique_ptr<Device>> OpenDevice(const ReplayOptions& options, const
 
 }  // namespace
 
-Status RunReplay(const ReplayOptions& options, std::stop_token stop, std::ostream& out) {
+Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std::ostream& out) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<Sequence> sequence, OpenSequenceSource(options.sequence));
   MAPP_ASSIGN_OR_RETURN(const std::optional<Sim3> joint, JointAlignment(options, *sequence));
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<Device> device, OpenDevice(options, *sequence));

@@ -44,6 +44,6 @@ struct ReplayOptions {
 /// CANCELLED. So is a sequence that breaks off at a broken image, whose error is then the answer.
 /// ABORTED: keyframes were refused by the server or found no room while it was away; the report counts them.
 /// INVALID_ARGUMENT: a sensor the tracker cannot use, or files that do not parse.
-Status RunReplay(const ReplayOptions& options, std::stop_token stop, std::ostream& out);
+Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std::ostream& out);
 
 }  // namespace mapp

@@ -63,8 +63,8 @@ StatusOr<std::unique_ptr<OrbTracker>> MakeTracker(const Sequence& sequence) {
                                                 sequence.name(), SensorKindName(sequence.sensor())));
 }
 
-PlayedFrames Play(const Sequence& sequence, ReplayRate rate, std::chrono::milliseconds patience, std::stop_token stop,
-                  Device& device) {
+PlayedFrames Play(const Sequence& sequence, ReplayRate rate, std::chrono::milliseconds patience,
+                  const std::stop_token& stop, Device& device) {
   PlayedFrames played;
   ProgressBar progress(sequence.name(), sequence.num_frames());
   Pacer pacer(sequence.stamp_ns(0));

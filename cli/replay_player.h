@@ -31,7 +31,7 @@ struct PlayedFrames {
 StatusOr<std::unique_ptr<OrbTracker>> MakeTracker(const Sequence& sequence);
 
 /// Feeds the sequence to the device, with a progress bar.
-PlayedFrames Play(const Sequence& sequence, ReplayRate rate, std::chrono::milliseconds patience, std::stop_token stop,
-                  Device& device);
+PlayedFrames Play(const Sequence& sequence, ReplayRate rate, std::chrono::milliseconds patience,
+                  const std::stop_token& stop, Device& device);
 
 }  // namespace mapp

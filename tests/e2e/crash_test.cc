@@ -18,7 +18,7 @@ using std::chrono::milliseconds;
 
 constexpr int kNumKills = 12;
 /// In one session, so that it comes to its end.
-constexpr int kMaxKillsPerSession = 12;
+constexpr int kMaxKillsPerSession = 6;
 constexpr std::chrono::minutes kReplayTimeout(5);
 constexpr uint64_t kSeed = 20240731;
 

@@ -60,6 +60,7 @@ Process::Process(const std::vector<std::string>& command, const std::filesystem:
   error_file_ = folder / fmt::format("process_{}.err", number);
   std::vector<std::string> copies = command;
   std::vector<char*> arguments;
+  arguments.reserve(copies.size() + 1);
   for (std::string& argument : copies) arguments.push_back(argument.data());
   arguments.push_back(nullptr);
   const int output_fd = CreateFile(output_file_);
