@@ -26,10 +26,10 @@ struct MatchOptions {
 std::vector<Match> MatchDescriptors(std::span<const OrbDescriptor> query, std::span<const OrbDescriptor> train,
                                     const MatchOptions& options);
 
-/// Keypoints of one image in cells, for look-ups by position. Keeps indices only.
+/// Keypoints of one image in cells, for look-ups by position. Positions that are not finite are never found.
 class FeatureGrid {
  public:
-  /// `pixels` as x, y pairs in the frame later asked in (distorted or undistorted, the caller's choice).
+  /// Position in pixels, distorted or undistorted as the later questions are: the caller's choice.
   struct Point {
     float u_px, v_px;
   };
@@ -54,7 +54,7 @@ struct ProjectedPoint {
 
 /// Best feature of each projected point within its radius: octave in [octave - 1, octave + 1], ratio test only among
 /// features of the same octave, each feature taken at most once (by the nearest descriptor).
-/// `octaves` and `descriptors` are those of the grid's points. query_idx indexes `projected`, train_idx the features.
+/// `features` are those at the grid's points, in their order. query_idx indexes `projected`, train_idx the features.
 std::vector<Match> MatchProjected(std::span<const ProjectedPoint> projected, const FeatureGrid& grid,
                                   std::span<const Feature> features, const MatchOptions& options);
 
