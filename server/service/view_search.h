@@ -27,7 +27,7 @@ class ViewSearch {
   ///
   /// A ball in scaled coordinates is long and thin in metres. The metric ball around it, which a KD-tree of the tile
   /// would be asked for, holds hundreds of points; so the points of the view are brought to scaled coordinates once
-  /// and searched there (docs/decisions/overlap-search.md has the measurement).
+  /// and searched there (docs/decisions/0005-overlap-search-in-scaled-coordinates.md has the measurement).
   std::vector<bool> AnyWithinScaled(std::span<const Eigen::Vector3f> p_camera, float radius);
 
   const std::vector<std::shared_ptr<const LoadedTile>>& tiles() const { return tiles_; }
