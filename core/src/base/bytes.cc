@@ -1,10 +1,15 @@
 #include "mapp/base/bytes.h"
 
+#ifdef __SSE4_2__
+#include <nmmintrin.h>
+#endif
+
 #include <array>
 
 namespace mapp {
 namespace {
 
+#ifndef __SSE4_2__
 constexpr std::array<uint32_t, 256> MakeCrc32cTable() {
   std::array<uint32_t, 256> table{};
   for (uint32_t i = 0; i < 256; ++i) {
@@ -16,6 +21,7 @@ constexpr std::array<uint32_t, 256> MakeCrc32cTable() {
 }
 
 constexpr std::array<uint32_t, 256> kCrc32cTable = MakeCrc32cTable();
+#endif
 
 }  // namespace
 
@@ -49,10 +55,25 @@ std::string_view ByteReader::GetBytes(size_t count) {
   return result;
 }
 
+#ifdef __SSE4_2__
+uint32_t Crc32c(std::string_view bytes) {
+  uint64_t crc = 0xffffffffU;
+  while (bytes.size() >= sizeof(uint64_t)) {
+    uint64_t word = 0;
+    std::memcpy(&word, bytes.data(), sizeof(word));
+    crc = _mm_crc32_u64(crc, word);
+    bytes.remove_prefix(sizeof(word));
+  }
+  auto rest = static_cast<uint32_t>(crc);
+  for (const char c : bytes) rest = _mm_crc32_u8(rest, static_cast<uint8_t>(c));
+  return ~rest;
+}
+#else
 uint32_t Crc32c(std::string_view bytes) {
   uint32_t crc = 0xffffffffU;
   for (const char c : bytes) crc = kCrc32cTable[(crc ^ static_cast<uint8_t>(c)) & 0xff] ^ (crc >> 8);
   return ~crc;
 }
+#endif
 
 }  // namespace mapp

@@ -11,6 +11,21 @@ namespace {
 
 TEST(BytesTest, Crc32cMatchesThePublishedCheckValue) { EXPECT_EQ(Crc32c("123456789"), 0xe3069283U); }
 
+TEST(BytesTest, Crc32cIsTheSameAtEveryLength) {
+  Rng rng(6);
+  std::string bytes;
+  for (int length = 0; length < 100; ++length) {
+    // Bit by bit, from the polynomial.
+    uint32_t expected = 0xffffffffU;
+    for (const char c : bytes) {
+      expected ^= static_cast<uint8_t>(c);
+      for (int bit = 0; bit < 8; ++bit) expected = (expected >> 1) ^ ((expected & 1) != 0 ? 0x82f63b78U : 0);
+    }
+    EXPECT_EQ(Crc32c(bytes), ~expected) << length;
+    bytes.push_back(static_cast<char>(rng.Next()));
+  }
+}
+
 TEST(BytesTest, VarintRoundTripsAtEveryLength) {
   for (int shift = 0; shift < 64; ++shift) {
     for (const uint64_t value : {uint64_t{1} << shift, (uint64_t{1} << shift) - 1}) {
