@@ -18,7 +18,8 @@ struct OrbTrackerOptions {
   int num_features = kMaxFeatures;  ///< per image; range [200, kMaxFeatures]
   /// RGB-D readings and stereo depths beyond this are not made into points at once, metres.
   double max_depth_m = 0;           ///< 0: 40 baselines for stereo, 6 m for RGB-D
-  /// Fewer matched shared points than this is a localisation failure (ORB-SLAM3; DESIGN 3).
+  /// Fewer matched shared points than this is a localisation failure (ORB-SLAM3; DESIGN 3). An image with so
+  /// few features that this would be more than 40 % of them needs 40 %, but at least `min_tracked_points`.
   int min_shared_matches = 75;
   int min_tracked_points = 20;      ///< below this the frame is lost
   /// The first keyframes of a session come closer together, so that the server has the views that an alignment takes
@@ -70,6 +71,11 @@ struct TrajectoryPose {
 /// relocalisation, keyframe choice, local bundle adjustment in its own thread, localisation on a shared map with local
 /// mapping at rest. Poses are in the odometry frame `session`, which begins at the first tracked camera.
 ///
+/// A frame that fails on the shared map is tracked on the device's own map within the same call, with the shared points
+/// as known ones; mapping goes on from there, so that a device whose server is silent does not get lost. From the first
+/// frame that localises on a shared map, what the device had mapped before no longer serves: it may be off by the
+/// alignment's error.
+///
 /// Track(), TakeKeyframes() and Trajectory() belong to one thread; TakeSharedMap/LeaveSharedMap may come from any.
 /// For stereo, `camera` of the keyframes is the rectified left camera: ask camera().
 class OrbTracker : public SlamAdapter {
@@ -88,8 +94,8 @@ class OrbTracker : public SlamAdapter {
   /// Keyframes finished by local mapping since the last call, in order, whole: features with their points.
   /// `session` is not set. Points that came from a shared map are named by the server's id.
   std::vector<Keyframe> TakeKeyframes();
-  /// A whole keyframe of the last tracked frame, without adding it to the map: what ReportUpdate sends, and what
-  /// upload_all would have sent where would_be_keyframe was set.
+  /// A whole keyframe of the last frame, without adding it to the map: what ReportUpdate sends, and what upload_all
+  /// would have sent where would_be_keyframe was set. Absent when the last frame was not tracked.
   std::optional<Keyframe> MakeKeyframeOfLastFrame() const;
   /// Waits until local mapping has nothing to do.
   void WaitForLocalMapping();
