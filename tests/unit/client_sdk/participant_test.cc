@@ -132,6 +132,7 @@ TEST_F(ParticipantTest, IsNotIdleWhileTheServerCompares) {
 TEST_F(ParticipantTest, AlignsByEventAndThenAsksFirst) {
   Open();
   participant_->OnKeyframe(TestKeyframe(0, At(0)));
+  while (server_.uploads().empty()) std::this_thread::yield();
   server_.Send(AlignedMessage(TestAlignment(), 0));
   ASSERT_TRUE(participant_->WaitIdle(kPatience).ok());
   EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
@@ -139,7 +140,24 @@ TEST_F(ParticipantTest, AlignsByEventAndThenAsksFirst) {
   ASSERT_TRUE(participant_->T_map_session().has_value());
   EXPECT_LT(Distance(*participant_->T_map_session(), TestAlignment()), 1e-9);
   HandIn(1);
-  EXPECT_THAT(server_.queries(), SizeIs(1));
+  ASSERT_THAT(server_.queries(), SizeIs(2));
+  // The upload that aligned the session is asked about afterwards.
+  EXPECT_EQ(server_.queries()[0].keyframe(), 0U);
+  EXPECT_EQ(server_.queries()[1].keyframe(), 1U);
+}
+
+TEST_F(ParticipantTest, WhereAlignmentFindsTheMapKnownSharingBeginsAtOnce) {
+  server_.Change([](FakeMapService::Script& script) {
+    script.samples_redundant = true;
+    script.tiles = {TestTile(Revision(1))};
+  });
+  Open();
+  participant_->OnKeyframe(TestKeyframe(0, At(0)));
+  while (server_.uploads().empty()) std::this_thread::yield();
+  server_.Send(AlignedMessage(TestAlignment(), 0));
+  ASSERT_TRUE(participant_->WaitIdle(kPatience).ok());
+  EXPECT_EQ(participant_->state(), ParticipantState::kSharing);
+  EXPECT_THAT(adapter_.maps(), SizeIs(1));
 }
 
 TEST_F(ParticipantTest, MissedComparisonsAreNotWaitedForAfterAReconnect) {
