@@ -116,6 +116,7 @@ void SessionProgress::OnUploaded(uint32_t number, const ClientUpload& upload) {
   } else if (!upload.already_stored) {
     // What was stored before a restart may have been compared before it, too: nobody would tell us again.
     last_unaligned_upload_ = number;
+    if (T_map_session_) just_aligned_ = true;  // the event has overtaken the upload's answer
   }
   changed_.NotifyAll();
 }

@@ -1,0 +1,156 @@
+// Algorithm 1 of the paper, path by path: what a device does when it fails on its shared map.
+
+#include "mapp/codec/query_codec.h"
+#include "participant_fixture.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <thread>
+
+namespace mapp {
+namespace {
+
+using testing::HasSubstr;
+using testing::SizeIs;
+
+TEST_F(ParticipantTest, AFailureBringsANewSharedMapAndLocalizingOnItEndsIt) {
+  OpenSharing();
+  Frame(1, true);
+  Frame(1, false);
+  ASSERT_THAT(adapter_.maps(), SizeIs(2));
+  EXPECT_EQ(adapter_.maps()[1]->number, 2U);
+  Frame(2, true);
+  EXPECT_EQ(participant_->state(), ParticipantState::kSharing);
+  EXPECT_EQ(participant_->stats().num_sharing_failures, 1U);
+  EXPECT_EQ(adapter_.num_left(), 0);
+  EXPECT_THAT(server_.reported(), SizeIs(0));
+}
+
+TEST_F(ParticipantTest, TilesThatTheDeviceHoldsAreNotSentAgain) {
+  OpenSharing();
+  const uint64_t bytes_of_one = participant_->stats().traffic.download_bytes;
+  Frame(1, false);
+  const v1::RequestSharedMapRequest second = server_.shared_map_requests()[1];
+  ASSERT_EQ(second.held_tiles_size(), 1);
+  EXPECT_EQ(second.held_tiles(0).revision(), 1U);
+  EXPECT_LT(participant_->stats().traffic.download_bytes, bytes_of_one + 100);
+  EXPECT_THAT(adapter_.maps()[1]->points, SizeIs(300));
+}
+
+TEST_F(ParticipantTest, AnEmptySharedMapMeansNewGround) {
+  OpenSharing();
+  server_.Change([](FakeMapService::Script& script) { script.tiles = {}; });
+  v1::WatchSessionResponse gone;
+  gone.mutable_tiles_changed()->add_keys(TileKey{}.Packed());
+  gone.mutable_tiles_changed()->set_map_revision(2);
+  server_.Send(gone);
+  server_.Send(AlignedMessage(TestAlignment(), 77));  // once this is seen, the one before it has been, too
+  while (participant_->stats().aligned_at_keyframe != 77U) std::this_thread::yield();
+  Frame(1, false);
+  EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
+  EXPECT_EQ(adapter_.num_left(), 1);
+  EXPECT_THAT(adapter_.maps(), SizeIs(1));
+  EXPECT_THAT(server_.reported(), SizeIs(0));
+}
+
+TEST_F(ParticipantTest, AfterAllTriesTheFrameIsReportedAndNoneMeansExpanding) {
+  OpenSharing();
+  Frame(1, false);
+  Frame(2, false);
+  EXPECT_THAT(server_.reported(), SizeIs(0));
+  Frame(3, false);
+  EXPECT_THAT(server_.shared_map_requests(), SizeIs(3)) << "the first, and f = 2 more";
+  ASSERT_THAT(server_.reported(), SizeIs(1));
+  EXPECT_EQ(server_.reported()[0].pose_frame, PoseFrame::kMap);
+  EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
+  EXPECT_EQ(adapter_.num_left(), 1);
+  EXPECT_EQ(participant_->stats().num_update_reports, 1U);
+  EXPECT_EQ(participant_->stats().num_sharing_failures, 1U);
+  EXPECT_THAT(server_.uploads(), SizeIs(1));
+}
+
+TEST_F(ParticipantTest, ExpansionVerdictUploadsNothingByItself) {
+  OpenSharing();
+  server_.Change([](FakeMapService::Script& script) { script.verdict = v1::UPDATE_VERDICT_EXPANSION; });
+  for (uint32_t number = 1; number <= 3; ++number) Frame(number, false);
+  EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
+  EXPECT_THAT(server_.uploads(), SizeIs(1));
+}
+
+TEST_F(ParticipantTest, UpdatingVerdictUploadsTheWholeKeyframeAsEvidence) {
+  OpenSharing();
+  server_.Change([](FakeMapService::Script& script) {
+    script.verdict = v1::UPDATE_VERDICT_UPDATING;
+    script.samples_redundant = false;
+  });
+  for (uint32_t number = 1; number <= 3; ++number) Frame(number, false);
+  ASSERT_THAT(server_.uploads(), SizeIs(2));
+  const Keyframe& evidence = server_.uploads()[1];
+  EXPECT_FALSE(evidence.partial);
+  EXPECT_EQ(evidence.number, 2U) << "after keyframes 0 and 1";
+  EXPECT_EQ(evidence.pose_frame, PoseFrame::kMap);
+  EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
+  // The adapter's next keyframe is its third; on the wire that number is taken.
+  HandIn(2);
+  ASSERT_THAT(server_.uploads(), SizeIs(3));
+  EXPECT_EQ(server_.uploads()[2].number, 3U);
+}
+
+TEST_F(ParticipantTest, AFrameWithoutAKeyframeEndsSharingWithoutAReport) {
+  options_.max_shared_map_tries = 0;
+  OpenSharing();
+  const SharedMapFrame failed{.shared_map_number = 1, .num_matches = 0, .localized = false, .T_session_camera = {}};
+  participant_->OnSharedMapFrame(failed, [] { return std::nullopt; });
+  ASSERT_TRUE(participant_->WaitIdle(kPatience).ok());
+  EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
+  EXPECT_THAT(server_.reported(), SizeIs(0));
+}
+
+TEST_F(ParticipantTest, AFailureWithoutAServerGoesBackToMappingAtOnce) {
+  OpenSharing();
+  server_.Change([](FakeMapService::Script& script) { script.shared_map_errors = {grpc::StatusCode::UNAVAILABLE}; });
+  Frame(1, false);
+  EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
+  EXPECT_EQ(adapter_.num_left(), 1);
+  EXPECT_THAT(participant_->stats().last_error, HasSubstr("UNAVAILABLE"));
+}
+
+TEST_F(ParticipantTest, FramesOfAnOlderSharedMapProveNothing) {
+  OpenSharing();
+  Frame(1, false);
+  Frame(1, false);
+  Frame(1, false);
+  EXPECT_THAT(server_.shared_map_requests(), SizeIs(2));
+  EXPECT_EQ(num_keyframes_asked_, 1);
+}
+
+TEST_F(ParticipantTest, ADeviceThatLocalizedAgainHasAllTriesAgain) {
+  OpenSharing();
+  Frame(1, false);
+  Frame(2, false);
+  Frame(3, true);
+  Frame(3, false);
+  EXPECT_THAT(server_.reported(), SizeIs(0));
+  EXPECT_EQ(participant_->state(), ParticipantState::kSharing);
+  EXPECT_EQ(participant_->stats().num_sharing_failures, 2U);
+}
+
+TEST_F(ParticipantTest, PosesAreOfTheMapAfterLocalizingOnIt) {
+  OpenSharing();
+  Frame(1, true);
+  server_.Change([](FakeMapService::Script& script) {
+    script.tiles = {};
+    script.samples_redundant = false;
+  });
+  HandIn(2);
+  const Keyframe& upload = server_.uploads().back();
+  EXPECT_EQ(upload.pose_frame, PoseFrame::kMap);
+  EXPECT_LT(Distance(upload.T_frame_camera, TestAlignment() * At(0.2)), 1e-3);
+  const StatusOr<ViewQuery> query = DecodeViewQuery(server_.queries().back().view());
+  ASSERT_TRUE(query.ok()) << query.status();
+  EXPECT_EQ(query->pose_frame, PoseFrame::kMap);
+}
+
+}  // namespace
+}  // namespace mapp
