@@ -145,9 +145,11 @@ Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecor
   }
   MAPP_ASSIGN_OR_RETURN(AlignmentConsensus* const consensus, ConsensusOf(reader, frame, state));
   MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, frame, state.index, *consensus));
-  events.Publish(frame.session, tried);
   const std::optional<Pose3> T_map_session = consensus->Decide();
-  return T_map_session ? Merge(reader, frame, *T_map_session, state) : absl::OkStatus();
+  const Status merged = T_map_session ? Merge(reader, frame, *T_map_session, state) : absl::OkStatus();
+  // After the merge: who waits for the comparison of a keyframe then knows what came of it.
+  events.Publish(frame.session, tried);
+  return merged;
 }
 
 Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session,

@@ -1,6 +1,7 @@
 #include "client_sdk/src/tracker/shared_localizer.h"
 
 #include <algorithm>
+#include <array>
 #include <utility>
 
 namespace mapp::tracker {
@@ -14,6 +15,34 @@ constexpr int kFirstMaxDistance = 64;
 /// The last refinement of either.
 constexpr double kRefinedRadiusPx = 5.0;
 constexpr double kMinFeatureShare = 0.4;
+
+/// The image in 4 x 4 cells: those with features enough to say something, and those of them that the map explains.
+constexpr int kCells = 4;
+constexpr int kMinCellFeatures = 10;
+constexpr int kMinCellMatches = 3;
+constexpr double kMinCoveredCells = 0.5;
+
+/// Whether the matches cover at least half of what the image shows. Many matches in one corner hold a pose only
+/// loosely: where the device turns to what the map does not know, it drifts long before fewer than 75 are left.
+bool CoversView(const Frame& frame, const std::vector<int>& points, const Camera& camera) {
+  std::array<int, kCells * kCells> num_features{};
+  std::array<int, kCells * kCells> num_matches{};
+  for (size_t i = 0; i < frame.size(); ++i) {
+    const Keypoint& keypoint = frame.features[i].keypoint;
+    const int column = std::clamp(static_cast<int>(keypoint.u_px) * kCells / camera.width_px, 0, kCells - 1);
+    const int row = std::clamp(static_cast<int>(keypoint.v_px) * kCells / camera.height_px, 0, kCells - 1);
+    const auto cell = static_cast<size_t>(row * kCells + column);
+    ++num_features[cell];
+    num_matches[cell] += points[i] != kNone ? 1 : 0;
+  }
+  int num_telling = 0, num_covered = 0;
+  for (size_t cell = 0; cell < num_features.size(); ++cell) {
+    if (num_features[cell] < kMinCellFeatures) continue;
+    ++num_telling;
+    num_covered += num_matches[cell] >= kMinCellMatches ? 1 : 0;
+  }
+  return num_covered >= kMinCoveredCells * num_telling;
+}
 
 }  // namespace
 
@@ -60,7 +89,8 @@ SharedLocalizer::Outcome SharedLocalizer::Localize(const Frame& frame,
   outcome.shared_map_number = map.number;
   outcome.estimate = EstimateOn(map, frame, T_session_camera_guess, relocalizer);
   outcome.num_matches = outcome.estimate.num_inliers;
-  outcome.localized = outcome.num_matches >= RequiredMatches(frame.size(), options_);
+  outcome.localized = outcome.num_matches >= RequiredMatches(frame.size(), options_) &&
+                      CoversView(frame, outcome.estimate.points, camera_.recorded);
   first_frame_ = false;
   if (outcome.localized && tried_) {
     outcome.newly_adopted = true;

@@ -20,6 +20,7 @@ struct OrbTrackerOptions {
   double max_depth_m = 0;           ///< 0: 40 baselines for stereo, 6 m for RGB-D
   /// Fewer matched shared points than this is a localisation failure (ORB-SLAM3; DESIGN 3). An image with so
   /// few features that this would be more than 40 % of them needs 40 %, but at least `min_tracked_points`.
+  /// The matches must also cover half of the image where it has features: in one corner they hold a pose only loosely.
   int min_shared_matches = 75;
   int min_tracked_points = 20;      ///< below this the frame is lost
   /// The first keyframes of a session come closer together, so that the server has the views that an alignment takes
