@@ -68,6 +68,7 @@ StatusOr<std::string> ResolveFile(const std::string& file, bool must_exist) {
   const fs::file_status status = fs::status(path, error);
   if (fs::exists(status)) {
     if (!fs::is_regular_file(status)) return absl::FailedPreconditionError("not a regular file");
+    MAPP_RETURN_IF_ERROR(CheckIsDatabase(path.string()));
     return path.string();
   }
   if (must_exist) return absl::NotFoundError("no such file");
@@ -79,7 +80,6 @@ StatusOr<std::string> ResolveFile(const std::string& file, bool must_exist) {
 
 StatusOr<std::unique_ptr<Connection>> OpenForWriting(const std::string& file, const SqliteOptions& options) {
   MAPP_RETURN_IF_ERROR(CheckAccess(file, R_OK | W_OK));
-  MAPP_RETURN_IF_ERROR(CheckIsDatabase(file));
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> db,
                         Connection::Open(file, Connection::Mode::kCreate, options.busy_timeout));
   MAPP_RETURN_IF_ERROR(SetCommonPragmas(*db, options.writer_cache_kb));
@@ -94,7 +94,6 @@ StatusOr<std::unique_ptr<Connection>> OpenForWriting(const std::string& file, co
 
 StatusOr<std::unique_ptr<Connection>> OpenForReading(const std::string& file, const SqliteOptions& options) {
   MAPP_RETURN_IF_ERROR(CheckAccess(file, R_OK));
-  MAPP_RETURN_IF_ERROR(CheckIsDatabase(file));
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> db,
                         Connection::Open(file, Connection::Mode::kReadOnly, options.busy_timeout));
   MAPP_RETURN_IF_ERROR(SetCommonPragmas(*db, options.reader_cache_kb));

@@ -10,7 +10,8 @@
 namespace mapp::sqlite {
 
 /// `file` with symbolic links resolved, so that one database has one lock whatever it is called. NOT_FOUND when its
-/// folder does not exist; FAILED_PRECONDITION for a folder or device in its place.
+/// folder does not exist; FAILED_PRECONDITION for a folder or device in its place, or a file that is no SQLite
+/// database: before anything, such as a lock, is put beside it.
 StatusOr<std::string> ResolveFile(const std::string& file, bool must_exist);
 
 /// The connection that writes: creates the file if absent, migrates it, sets write-ahead logging and durability.
