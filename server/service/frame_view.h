@@ -1,10 +1,10 @@
 #pragma once
 
-#include <optional>
-#include <vector>
-
 #include "mapp/map/keyframe.h"
 #include "storage/map_store.h"
+
+#include <optional>
+#include <vector>
 
 namespace mapp {
 

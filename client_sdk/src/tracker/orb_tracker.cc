@@ -32,8 +32,7 @@ Status OrbTrackerOptions::Validate() const {
   MAPP_RETURN_IF_ERROR(CheckRange("min_tracked_points", min_tracked_points, 6, kMaxFeatures));
   MAPP_RETURN_IF_ERROR(CheckRange("max_frames_between_keyframes", max_frames_between_keyframes, 1, 10000));
   MAPP_RETURN_IF_ERROR(CheckRange("num_start_keyframes", num_start_keyframes, 0, 1000));
-  MAPP_RETURN_IF_ERROR(
-      CheckRange("max_frames_between_start_keyframes", max_frames_between_start_keyframes, 1, 10000));
+  MAPP_RETURN_IF_ERROR(CheckRange("max_frames_between_start_keyframes", max_frames_between_start_keyframes, 1, 10000));
   MAPP_RETURN_IF_ERROR(CheckRange("min_reference_ratio", min_reference_ratio, 0.0, 1.0));
   return CheckRange("local_window", local_window, 2, 100);
 }

@@ -1,10 +1,5 @@
 #pragma once
 
-#include <cstdint>
-#include <memory>
-#include <optional>
-#include <vector>
-
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/client/shared_map.h"
@@ -12,17 +7,22 @@
 #include "mapp/image/image.h"
 #include "mapp/map/keyframe.h"
 
+#include <cstdint>
+#include <memory>
+#include <optional>
+#include <vector>
+
 namespace mapp {
 
 struct OrbTrackerOptions {
   int num_features = kMaxFeatures;  ///< per image; range [200, kMaxFeatures]
   /// RGB-D readings and stereo depths beyond this are not made into points at once, metres.
-  double max_depth_m = 0;           ///< 0: 40 baselines for stereo, 6 m for RGB-D
+  double max_depth_m = 0;  ///< 0: 40 baselines for stereo, 6 m for RGB-D
   /// Fewer matched shared points than this is a localisation failure (ORB-SLAM3; DESIGN 3). An image with so
   /// few features that this would be more than 40 % of them needs 40 %, but at least `min_tracked_points`.
   /// The matches must also cover half of the image where it has features: in one corner they hold a pose only loosely.
   int min_shared_matches = 75;
-  int min_tracked_points = 20;      ///< below this the frame is lost
+  int min_tracked_points = 20;  ///< below this the frame is lost
   /// The first keyframes of a session come closer together, so that the server has the views that an alignment takes
   /// while the device is still near its start.
   int num_start_keyframes = 4;
@@ -32,10 +32,10 @@ struct OrbTrackerOptions {
   /// ... or when less than this share of what the frame after it still saw of the last keyframe is found. 0.8 gives a
   /// keyframe about every fifth frame of a hand-held camera at 15 Hz.
   double min_reference_ratio = 0.8;
-  int local_window = 10;            ///< keyframes adjusted by local bundle adjustment
+  int local_window = 10;  ///< keyframes adjusted by local bundle adjustment
   /// Run local mapping inside Track() instead of its own thread: slower, but repeatable to the bit.
   bool synchronous = false;
-  Status Validate() const;          ///< Names the first field out of range.
+  Status Validate() const;  ///< Names the first field out of range.
 };
 
 /// One camera frame. Images are borrowed for the call.
@@ -50,15 +50,15 @@ enum class TrackingState { kNotStarted, kTracking, kLost };
 
 struct TrackingResult {
   TrackingState state = TrackingState::kNotStarted;
-  Pose3 T_session_camera;           ///< valid when kTracking
-  int num_matches = 0;              ///< map points matched after pose optimisation
-  bool on_shared_map = false;       ///< the pose comes from the shared map
-  int num_shared_matches = 0;       ///< when a shared map was in use for this frame, also where it failed
-  uint32_t shared_map_number = 0;   ///< 0: no shared map was in use
+  Pose3 T_session_camera;          ///< valid when kTracking
+  int num_matches = 0;             ///< map points matched after pose optimisation
+  bool on_shared_map = false;      ///< the pose comes from the shared map
+  int num_shared_matches = 0;      ///< when a shared map was in use for this frame, also where it failed
+  uint32_t shared_map_number = 0;  ///< 0: no shared map was in use
   bool is_keyframe = false;
   /// On the shared map no keyframe is made; true where mapping for itself would have made one.
   bool would_be_keyframe = false;
-  double tracking_ms = 0;           ///< this call, extraction included
+  double tracking_ms = 0;  ///< this call, extraction included
 };
 
 /// Pose of a frame, as it is now after all corrections to its reference keyframe.

@@ -1,19 +1,20 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <memory>
-#include <vector>
-
 #include "mapp/base/id.h"
 #include "mapp/feature/feature.h"
 #include "mapp/geometry/pose3.h"
+
+#include <Eigen/Core>
+
+#include <memory>
+#include <vector>
 
 namespace mapp {
 
 /// A map point received from the server, in the device's own odometry frame.
 struct SharedPoint {
   MapPointId id;
-  Eigen::Vector3d p_session = Eigen::Vector3d::Zero();            ///< metres
+  Eigen::Vector3d p_session = Eigen::Vector3d::Zero();                ///< metres
   Eigen::Vector3f view_direction_session = Eigen::Vector3f::UnitZ();  ///< unit, mean of (point - observing camera)
   OrbDescriptor descriptor;
   float reference_distance_m = 1;  ///< detected at octave o from reference / 1.2^o

@@ -1,11 +1,11 @@
 #pragma once
 
+#include "mapp/client/shared_map.h"
+#include "mapp/map/keyframe.h"
+
 #include <cstdint>
 #include <memory>
 #include <vector>
-
-#include "mapp/client/shared_map.h"
-#include "mapp/map/keyframe.h"
 
 namespace mapp {
 
