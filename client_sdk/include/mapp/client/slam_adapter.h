@@ -26,7 +26,9 @@ class SlamAdapter {
 struct SharedMapFrame {
   uint32_t shared_map_number = 0;
   int num_matches = 0;
-  bool localized = false;  ///< at least the failure threshold matched (75; DESIGN 3)
+  /// Enough of the shared points matched to trust the pose: at least 75 (DESIGN 3), and for the built-in tracker also
+  /// over half of the view (OrbTrackerOptions::min_shared_matches).
+  bool localized = false;
   Pose3 T_session_camera;
 };
 
