@@ -221,7 +221,7 @@ class BandPainter {
   float Level(uint16_t visible_idx, double x, double y, float extent) const {
     if (visible_idx == kNothing) return 0;
     const ScreenQuad& screen = visible_[visible_idx];
-    const Texture& texture = scene_.quads[screen.quad_idx].texture;
+    const Texture& texture = *scene_.quads[screen.quad_idx].texture;
     const auto z = static_cast<float>(1.0 / screen.inverse_depth(x, y));
     const float u = static_cast<float>(screen.u_over_z(x, y)) * z;
     const float v = static_cast<float>(screen.v_over_z(x, y)) * z;

@@ -36,7 +36,8 @@ void AddQuad(const Eigen::Vector3d& corner_world, const Eigen::Vector3d& edge_u_
              const Eigen::Vector3d& edge_v_world, const Painter& paint, const Lamp& lamp, Scene& scene) {
   GrayImage image = paint(edge_u_world.norm(), edge_v_world.norm());
   BakeLight(lamp, corner_world, edge_u_world, edge_v_world, image);
-  scene.quads.push_back({corner_world, edge_u_world, edge_v_world, Texture(std::move(image))});
+  scene.quads.push_back(
+      Quad{corner_world, edge_u_world, edge_v_world, std::make_shared<const Texture>(std::move(image))});
 }
 
 void AddBox(const BoxShape& box, const Painter& paint, const Lamp& lamp, Scene& scene) {

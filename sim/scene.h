@@ -4,18 +4,39 @@
 
 #include <Eigen/Core>
 
+#include <cstdint>
 #include <functional>
+#include <memory>
 #include <vector>
 
 namespace mapp::sim {
 
+/// The part of a texture that a surface shows: (u, v) of the surface in [0, 1]^2 is the texture's (u0 + u (u1 - u0), v0
+/// + v (v1 - v0)). Beyond [0, 1] the texture repeats; u1 < u0 mirrors it.
+struct TextureWindow {
+  float u0 = 0, v0 = 0, u1 = 1, v1 = 1;
+  friend bool operator==(const TextureWindow&, const TextureWindow&) = default;
+};
+
+/// How bright a surface is lit: factors on a grid of `columns` x `rows` nodes, the outer ones on the surface's border,
+/// row-major, blended linearly. Empty: 1 everywhere.
+struct LightGrid {
+  int columns = 0;
+  int rows = 0;
+  std::vector<float> factors;
+};
+
 /// A flat rectangle with a picture on its front. Seen from the front, u runs right, v down, and the normal
 /// edge_v x edge_u points at the viewer; from behind it is invisible.
 struct Quad {
-  Eigen::Vector3d corner_world;  ///< of the picture's top left, metres
-  Eigen::Vector3d edge_u_world;  ///< along the picture's width, metres; perpendicular to edge_v
-  Eigen::Vector3d edge_v_world;  ///< along the picture's height, metres
-  Texture texture;
+  Eigen::Vector3d corner_world;            ///< of the picture's top left, metres
+  Eigen::Vector3d edge_u_world;            ///< along the picture's width, metres; perpendicular to edge_v
+  Eigen::Vector3d edge_v_world;            ///< along the picture's height, metres
+  std::shared_ptr<const Texture> texture;  ///< shared by surfaces that look alike; never null
+  TextureWindow window{};
+  LightGrid light{};
+  Eigen::Vector3f tint_rgb = Eigen::Vector3f::Ones();  ///< colour; gray images do not show it
+  uint32_t object_id = 0;                              ///< of what may come and go; 0: it is part of the surroundings
 
   Eigen::Vector3d NormalWorld() const { return edge_v_world.cross(edge_u_world).normalized(); }
 };

@@ -12,7 +12,7 @@ Camera SmallCamera() { return {PinholeCamera{100, 90, 39.5, 29.5}, 80, 60}; }
 
 Quad PlainQuad(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u, const Eigen::Vector3d& edge_v,
                uint8_t level) {
-  return {corner, edge_u, edge_v, Texture(GrayImage(8, 8, level))};
+  return Quad{corner, edge_u, edge_v, std::make_shared<const Texture>(GrayImage(8, 8, level))};
 }
 
 /// A camera at the origin looks along world z; walls face it.
@@ -50,7 +50,7 @@ TEST(RasterRendererTest, PicturesStandWhereTheCameraModelProjectsThem) {
   GrayImage ramp(256, 1);
   for (int x = 0; x < 256; ++x) ramp.at(x, 0) = static_cast<uint8_t>(x);
   const Pose3 T_world_camera(ExpSo3({0.1, -0.2, 0.05}), {0.1, 0.2, -0.3});
-  const Quad quad{{-4, -4, 2}, {8, 0, 0.5}, {0, 8, 0}, Texture(ramp)};
+  const Quad quad{{-4, -4, 2}, {8, 0, 0.5}, {0, 8, 0}, std::make_shared<const Texture>(ramp)};
   const auto frame = Render(Scene{{quad}}, T_world_camera);
   ASSERT_TRUE(frame.ok()) << frame.status();
   for (const double u : {0.45, 0.5, 0.55}) {
