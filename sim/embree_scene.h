@@ -1,0 +1,31 @@
+#pragma once
+
+#include "sim/scene.h"
+
+#include <cstddef>
+#include <cstdint>
+#include <span>
+
+struct RTCSceneTy;
+
+namespace mapp::sim {
+
+/// Rectangles in an acceleration structure of Embree. Rays meet fronts only and pass through backs. A hit's primID is
+/// the index in `quads`, its geomID the `geometry_id` given. Immutable, thread-safe; the quads need not outlive it.
+class EmbreeScene {
+ public:
+  /// For how long the structure is used: one built for a single frame is built faster and traced slower.
+  enum class Lifetime { kLong, kOneFrame };
+
+  EmbreeScene(std::span<const Quad> quads, uint32_t geometry_id, Lifetime lifetime);
+  ~EmbreeScene();
+  EmbreeScene(const EmbreeScene&) = delete;
+  EmbreeScene& operator=(const EmbreeScene&) = delete;
+
+  RTCSceneTy* handle() const { return scene_; }
+
+ private:
+  RTCSceneTy* scene_;
+};
+
+}  // namespace mapp::sim
