@@ -1,9 +1,9 @@
 #include "cli/export_map.h"
 
 #include "cli/admin_client.h"
-#include "cli/file_io.h"
-#include "cli/json_writer.h"
 #include "datasets/sequence.h"
+#include "text/file_io.h"
+#include "text/json_writer.h"
 
 #include <fmt/format.h>
 

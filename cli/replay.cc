@@ -1,12 +1,12 @@
 #include "cli/replay.h"
 
-#include "cli/file_io.h"
 #include "cli/frame_log.h"
 #include "cli/replay_player.h"
 #include "cli/replay_report.h"
 #include "cli/sequence_source.h"
 #include "datasets/sequence.h"
 #include "eval/trajectory_metrics.h"
+#include "text/file_io.h"
 
 #include <fmt/format.h>
 

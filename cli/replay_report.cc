@@ -1,7 +1,7 @@
 #include "cli/replay_report.h"
 
-#include "cli/json_writer.h"
 #include "cli/text_table.h"
+#include "text/json_writer.h"
 
 #include <fmt/format.h>
 

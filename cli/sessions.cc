@@ -1,8 +1,8 @@
 #include "cli/sessions.h"
 
 #include "cli/admin_client.h"
-#include "cli/json_writer.h"
 #include "cli/text_table.h"
+#include "text/json_writer.h"
 
 namespace mapp {
 namespace {

@@ -1,7 +1,7 @@
 #include "cli/simulate_room.h"
 
-#include "cli/json_writer.h"
 #include "sim/room.h"
+#include "text/json_writer.h"
 
 #include <fmt/format.h>
 

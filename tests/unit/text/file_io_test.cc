@@ -1,4 +1,4 @@
-#include "cli/file_io.h"
+#include "text/file_io.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
