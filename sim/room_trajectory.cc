@@ -1,8 +1,7 @@
 #include "mapp/base/check.h"
 #include "mapp/base/rng.h"
+#include "sim/gaze.h"
 #include "sim/room.h"
-
-#include <Eigen/Geometry>
 
 #include <algorithm>
 #include <array>
@@ -76,12 +75,7 @@ Pose3 PoseAt(const Walk& walk, int frame) {
   const double yaw = Radians(SmoothYawAt(walk, frame));
   const double pitch_down = Radians(9.0 + Swing(7.0, 60, frame));
   const double roll = Radians(Swing(2.0, 47, frame));
-  Eigen::Matrix3d R_world_level;  // optical axis along world x, image upright
-  R_world_level << 0, 0, 1, -1, 0, 0, 0, -1, 0;
-  const Eigen::Matrix3d R_world_camera = Eigen::AngleAxisd(yaw, Eigen::Vector3d::UnitZ()) * R_world_level *
-                                         Eigen::AngleAxisd(-pitch_down, Eigen::Vector3d::UnitX()) *
-                                         Eigen::AngleAxisd(roll, Eigen::Vector3d::UnitZ());
-  return Pose3(Eigen::Quaterniond(R_world_camera), p_world);
+  return Pose3(LookAlong(yaw, pitch_down, roll), p_world);
 }
 
 }  // namespace

@@ -19,6 +19,7 @@ struct CameraRig {
   Pose3 T_left_right;                  ///< stereo only
   Pose3 T_body_camera;                 ///< of `camera`
   double rate_hz = 20;                 ///< images a second
+  double exposure_s = 0;               ///< of one image
   double imu_rate_hz = 200;
 };
 

@@ -3,9 +3,8 @@
 #include "datasets/sequence.h"
 #include "mapp/base/status.h"
 #include "sim/world/camera_rig.h"
+#include "sim/world/imu.h"
 #include "sim/world/world.h"
-
-#include <Eigen/Core>
 
 #include <cstdint>
 #include <memory>
@@ -14,19 +13,12 @@
 
 namespace mapp::sim {
 
-/// One reading of an IMU, in the body frame.
-struct ImuSample {
-  int64_t stamp_ns = 0;
-  Eigen::Vector3d angular_velocity_body;  ///< rad/s
-  Eigen::Vector3d acceleration_body;      ///< m/s^2, gravity included (an IMU at rest reads +9.81 upwards)
-};
-
 /// One user's way through the world.
 struct Visit {
   int user = 0;
   CameraRig rig;
   std::vector<StampedPose> poses;  ///< T_world_camera at each image, by increasing time
-  std::vector<ImuSample> imu;      ///< with bias and noise; covers the images
+  std::vector<ImuSample> imu;      ///< with bias and noise; covers the images. Stereo and mono-inertial only
   double path_m = 0;               ///< length of the way
 };
 
@@ -41,10 +33,12 @@ struct SimulationOptions {
   int num_changes = 0;
   int num_passers = 0;
   std::string textures_folder;
-  std::vector<std::string> trajectory_files;  ///< TUM, T_world_camera: users fly these instead of ways of their own
+  /// TUM, T_world_camera: users fly these, in turn, instead of ways of their own; times count from the visit's start.
+  std::vector<std::string> trajectory_files;
 };
 
-/// A world and who visits it. User k comes an hour after user k - 1, so changes can happen between.
+/// A world and who visits it. User k comes an hour after user k - 1 (or more hours, where visits take longer), so
+/// changes can happen between.
 struct Simulation {
   SimulationOptions options;
   std::shared_ptr<const World> world;
@@ -52,6 +46,11 @@ struct Simulation {
 };
 
 /// INVALID_ARGUMENT naming the option; also a trajectory that leaves the world, with the time and place where.
+/// NOT_FOUND: no such trajectory or folder. The same options give the same simulation; a visit's way does not depend on
+/// how many visits follow.
 StatusOr<std::shared_ptr<const Simulation>> Simulate(const SimulationOptions& options);
+
+/// The visits alone, through a world made by the caller; `options` says the rest. Errors as Simulate().
+StatusOr<std::vector<Visit>> PlanVisits(const World& world, const SimulationOptions& options);
 
 }  // namespace mapp::sim
