@@ -1,5 +1,6 @@
 #pragma once
 
+#include "mapp/base/latency.h"
 #include "mapp/base/mutex.h"
 
 #include <chrono>
@@ -14,11 +15,8 @@ namespace mapp {
 /// Figures of one method since the start.
 struct MethodFigures {
   std::string method;
-  uint64_t num_calls = 0;
   uint64_t num_errors = 0;
-  /// Time inside the server over the last CallRecorder::kWindow calls.
-  double median_ms = 0;
-  double p95_ms = 0;
+  LatencySummary latency;  ///< time inside the server; its count is that of all calls
 };
 
 /// Receives every finished call, on the call's thread; must not block.
@@ -32,8 +30,6 @@ class CallObserver {
 /// Counts calls and keeps the latest latencies of each method. Thread-safe.
 class CallRecorder {
  public:
-  static constexpr size_t kWindow = 4096;
-
   /// `observer` may be null; else it must outlive the recorder.
   explicit CallRecorder(CallObserver* observer) : observer_(observer) {}
 
@@ -44,9 +40,8 @@ class CallRecorder {
 
  private:
   struct Series {
-    uint64_t num_calls = 0;
     uint64_t num_errors = 0;
-    std::vector<float> latest_ms;  // ring of kWindow, filled first
+    LatencyRecorder latency;
   };
   CallObserver* const observer_;
   mutable Mutex mutex_;

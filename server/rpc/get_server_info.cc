@@ -11,10 +11,11 @@ grpc::Status AdminServiceHandler::GetServerInfo(grpc::ServerContext* context, co
     for (const MethodFigures& figures : runner_.recorder().Snapshot()) {
       auto& out = *response->add_methods();
       out.set_method(figures.method);
-      out.set_num_calls(figures.num_calls);
+      out.set_num_calls(figures.latency.count);
       out.set_num_errors(figures.num_errors);
-      out.set_median_ms(figures.median_ms);
-      out.set_p95_ms(figures.p95_ms);
+      out.set_mean_ms(figures.latency.mean_ms);
+      out.set_median_ms(figures.latency.p50_ms);
+      out.set_p95_ms(figures.latency.p95_ms);
     }
     return absl::OkStatus();
   });

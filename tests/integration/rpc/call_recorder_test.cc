@@ -9,24 +9,18 @@ namespace {
 
 using std::chrono::milliseconds;
 
-TEST(CallRecorderTest, MedianAndP95AreOfTheLatestCalls) {
+TEST(CallRecorderTest, CountsCallsErrorsAndTimeByMethod) {
   CallRecorder recorder(nullptr);
-  for (int i = 1; i <= 100; ++i) recorder.Record("Assess", "OK", milliseconds(i), 10);
+  for (int i = 1; i <= 100; ++i) recorder.Record("Assess", i <= 10 ? "INTERNAL" : "OK", milliseconds(i), 10);
+  recorder.Record("Upload", "OK", milliseconds(7), 10);
   const std::vector<MethodFigures> figures = recorder.Snapshot();
-  ASSERT_EQ(figures.size(), 1U);
-  EXPECT_EQ(figures[0].num_calls, 100U);
-  EXPECT_FLOAT_EQ(static_cast<float>(figures[0].median_ms), 50);
-  EXPECT_FLOAT_EQ(static_cast<float>(figures[0].p95_ms), 95);
-}
-
-TEST(CallRecorderTest, OldCallsLeaveTheWindowButNotTheCount) {
-  CallRecorder recorder(nullptr);
-  for (size_t i = 0; i < 100; ++i) recorder.Record("Assess", "INTERNAL", milliseconds(1000), 10);
-  for (size_t i = 0; i < CallRecorder::kWindow; ++i) recorder.Record("Assess", "OK", milliseconds(2), 10);
-  const std::vector<MethodFigures> figures = recorder.Snapshot();
-  EXPECT_EQ(figures[0].num_calls, 100U + CallRecorder::kWindow);
-  EXPECT_EQ(figures[0].num_errors, 100U);
-  EXPECT_FLOAT_EQ(static_cast<float>(figures[0].p95_ms), 2);
+  ASSERT_EQ(figures.size(), 2U);
+  EXPECT_EQ(figures[0].method, "Assess");
+  EXPECT_EQ(figures[0].num_errors, 10U);
+  EXPECT_EQ(figures[0].latency.count, 100U);
+  EXPECT_DOUBLE_EQ(figures[0].latency.mean_ms, 50.5);
+  EXPECT_DOUBLE_EQ(figures[0].latency.p95_ms, 95);
+  EXPECT_EQ(figures[1].latency.count, 1U);
 }
 
 TEST(CallRecorderTest, ACallerThatLeavesIsNoError) {

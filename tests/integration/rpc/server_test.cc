@@ -111,6 +111,7 @@ TEST_F(RpcTest, InfoCountsCallsAndErrors) {
   EXPECT_EQ(info.methods(0).method(), "OpenSession");
   EXPECT_EQ(info.methods(0).num_calls(), 2U);
   EXPECT_EQ(info.methods(0).num_errors(), 1U);
+  EXPECT_GT(info.methods(0).mean_ms(), 0);
   EXPECT_GT(info.methods(0).median_ms(), 0);
   EXPECT_GE(info.methods(0).p95_ms(), info.methods(0).median_ms());
 }
