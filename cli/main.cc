@@ -1,5 +1,6 @@
 // The `mapp` command line: parses arguments and dispatches; each subcommand has a file of its own.
 
+#include "cli/choices.h"
 #include "cli/export_map.h"
 #include "cli/interrupt.h"
 #include "cli/maps.h"
@@ -13,6 +14,7 @@
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
 
+#include <array>
 #include <functional>
 #include <iostream>
 #include <memory>
@@ -43,6 +45,21 @@ void AddServer(CLI::App& command, std::string& server) {
 
 void AddJson(CLI::App& command, bool& json) { command.add_flag("--json", json, "Print JSON instead of a table"); }
 
+/// An option whose value is one of `choices`. `value` must outlive the parsing.
+template <typename T, size_t N>
+void AddChoice(CLI::App& command, const char* name, T& value, const std::array<Choice<T>, N>& choices,
+               const std::string& help) {
+  const auto check = [choices](const std::string& text) -> std::string {
+    if (ValueOf(choices, text)) return {};
+    return fmt::format("{} is not {}", text, OneOf(choices));
+  };
+  const auto set = [&value, choices](const std::string& text) { value = ValueOf(choices, text).value_or(value); };
+  command.add_option_function<std::string>(name, set, help)
+      ->check(CLI::Validator(check, ""))
+      ->type_name("NAME")
+      ->default_str(NameOf(choices, value));
+}
+
 /// Refuses `sim:` names that no room answers to, before anything is opened.
 std::string CheckSequence(const std::string& name) {
   if (!name.starts_with("sim:") || ParseRoomSpec(name)) return {};
@@ -59,11 +76,38 @@ Figures, as in the JSON:
   ..._bytes_per_keyframe  over keyframes + keyframe_equivalents
   full_bytes              what --policy upload_all would have sent at each of these
   upload_bytes            keyframes and update reports, retries included
+  full_features, _points  features of these keyframes, and those with a map point
   query_bytes             the largest overlap query
+  freshness               1 - overlap_mean
+  traffic                 messages and bytes by kind
+  latency_ms              of each step; tracking on the own map, localization on the
+                          shared one
+  cpu_s                   device = process - reading, the drawing of rendered frames
+                          being part of reading
   aligned_at_keyframe     0 for the session that founds the map, null if never
   ate_m                   RMSE of positions after the best rigid alignment, metres
   ate_joint_m             the same under the alignment of the map's first session,
                           as --align-by gives it: judges the merged map)";
+
+constexpr std::array kRateChoices = {Choice<ReplayRate>{"max", ReplayRate::kMax},
+                                     Choice<ReplayRate>{"real", ReplayRate::kReal}};
+
+void AddPolicies(CLI::App& command, ParticipantOptions& options) {
+  AddChoice(command, "--policy", options.policy, kPolicyChoices,
+            "map: upload what is fresh; upload_all: every keyframe whole");
+  AddChoice(command, "--sampler", options.sampler, kSamplerChoices,
+            "How the overlap with the map is assessed: depth_sketch, samples at the depths the device sees; uniform, "
+            "evenly through the view cone");
+  AddChoice(command, "--injection", options.injection, kInjectionChoices,
+            "Redundant points that are uploaded all the same: often, those observed more often than the average; "
+            "random, as many at random; none");
+  AddChoice(command, "--sharing", options.sharing, kSwitchChoices,
+            "off: where the map is known, neither take it nor upload, and go on mapping for oneself");
+  command.add_option("--alpha", options.oversharing, "Oversharing: width of the shared view over the camera's, 1 to 4")
+      ->check(CLI::Range(1.0, 4.0))
+      ->type_name("FACTOR")
+      ->capture_default_str();
+}
 
 void AddReplay(CLI::App& app, Command& chosen) {
   auto options = std::make_shared<ReplayOptions>();
@@ -72,13 +116,9 @@ void AddReplay(CLI::App& app, Command& chosen) {
   AddServer(*command, options->server);
   command->add_option("--map", options->map_name, "Map to join; made when absent")->required();
   command->add_option("--device", options->device, "Name of the device, for operators")->required();
-  static const std::map<std::string, UploadPolicy> kPolicies = {{"map", UploadPolicy::kMap},
-                                                                {"upload_all", UploadPolicy::kUploadAll}};
-  command->add_option("--policy", options->policy, "map: upload what is fresh; upload_all: every keyframe whole")
-      ->transform(CLI::CheckedTransformer(kPolicies).description("{map,upload_all}"));
-  static const std::map<std::string, ReplayRate> kRates = {{"max", ReplayRate::kMax}, {"real", ReplayRate::kReal}};
-  command->add_option("--rate", options->rate, "max: as fast as it goes, repeatable; real: at the recorded times")
-      ->transform(CLI::CheckedTransformer(kRates).description("{max,real}"));
+  AddPolicies(*command, options->participation);
+  AddChoice(*command, "--rate", options->rate, kRateChoices,
+            "max: as fast as it goes, repeatable; real: at the recorded times");
   auto align_by = std::make_shared<std::vector<std::string>>();
   command->add_option("--align-by", *align_by, "TUM files of the map's first session: truth, then trajectory")
       ->expected(2)
@@ -148,10 +188,9 @@ void AddExport(CLI::App& app, Command& chosen) {
   AddServer(*command, options->server);
   AddJson(*command, options->json);
   command->add_option("--map", options->map_name, "Map to export")->required();
-  static const std::map<std::string, ExportFormat> kFormats = {{"ply", ExportFormat::kPly},
-                                                               {"tum", ExportFormat::kTum}};
-  command->add_option("--format", options->format, "ply: the points; tum: each session's keyframes")
-      ->transform(CLI::CheckedTransformer(kFormats).description("{ply,tum}"));
+  static constexpr std::array kFormats = {Choice<ExportFormat>{"ply", ExportFormat::kPly},
+                                          Choice<ExportFormat>{"tum", ExportFormat::kTum}};
+  AddChoice(*command, "--format", options->format, kFormats, "ply: the points; tum: each session's keyframes");
   command->add_flag_callback(
       "--ascii", [options] { options->encoding = PlyEncoding::kAscii; }, "PLY as text instead of binary");
   command->add_option("--out", options->out, "PLY: the file, - for standard output. TUM: a folder")

@@ -1,17 +1,18 @@
 #include "cli/replay.h"
 
+#include "cli/choices.h"
 #include "cli/frame_log.h"
+#include "cli/replay_figures.h"
 #include "cli/replay_player.h"
 #include "cli/replay_report.h"
 #include "cli/sequence_source.h"
 #include "datasets/sequence.h"
 #include "eval/trajectory_metrics.h"
+#include "mapp/base/process_usage.h"
 #include "text/file_io.h"
 
 #include <fmt/format.h>
 
-#include <algorithm>
-#include <cmath>
 #include <map>
 
 namespace mapp {
@@ -45,53 +46,6 @@ StatusOr<std::optional<Sim3>> JointAlignment(const ReplayOptions& options, const
   StatusOr<TrajectoryError> error = AbsoluteTrajectoryError(truth, trajectory, /*with_scale=*/false);
   if (!error.ok()) return Annotate(error.status(), "--align-by");
   return std::optional<Sim3>(error->T_truth_estimate);
-}
-
-/// Nearest-rank percentile; `ratio` in (0, 1].
-double Percentile(std::vector<double> values, double ratio) {
-  if (values.empty()) return 0;
-  const auto rank = static_cast<size_t>(std::ceil(ratio * static_cast<double>(values.size())));
-  const auto nth = values.begin() + static_cast<std::ptrdiff_t>(std::max<size_t>(rank, 1) - 1);
-  std::nth_element(values.begin(), nth, values.end());
-  return *nth;
-}
-
-void FillFrames(const std::vector<PlayedFrame>& frames, ReplayReport& report) {
-  std::vector<double> tracking_ms;
-  report.frames = frames.size();
-  for (const PlayedFrame& frame : frames) {
-    report.frames_tracked += frame.tracked ? 1 : 0;
-    report.frames_on_shared_map += frame.on_shared_map ? 1 : 0;
-    tracking_ms.push_back(frame.tracking_ms);
-  }
-  report.tracking_ms_p50 = Percentile(tracking_ms, 0.5);
-  report.tracking_ms_p95 = Percentile(tracking_ms, 0.95);
-}
-
-void FillParticipation(const Device& device, ReplayReport& report) {
-  const ParticipantStats stats = device.participant().stats();
-  const TrafficCounters& traffic = stats.traffic;
-  report.session_id = device.participant().session().value();
-  report.keyframes = stats.num_keyframes;
-  report.keyframe_equivalents = device.num_keyframe_equivalents();
-  report.keyframes_uploaded = stats.num_uploaded;
-  report.keyframes_skipped = stats.num_skipped;
-  report.keyframes_dropped = stats.num_dropped;
-  report.keyframes_rejected = stats.num_rejected;
-  report.aligned_at_keyframe = stats.aligned_at_keyframe;
-  if (stats.num_overlaps > 0) report.overlap_mean = stats.overlap_sum / static_cast<double>(stats.num_overlaps);
-  report.upload_bytes = traffic.upload_bytes + traffic.report_bytes;
-  report.full_bytes = stats.full_bytes + device.keyframe_equivalent_bytes();
-  report.query_bytes = traffic.max_query_bytes;
-  if (traffic.num_queries > 0) {
-    report.response_bytes_mean = static_cast<double>(traffic.response_bytes) / static_cast<double>(traffic.num_queries);
-  }
-  report.download_bytes = traffic.download_bytes;
-  report.shared_map_requests = traffic.num_shared_map_requests;
-  report.sharing_failures = stats.num_sharing_failures;
-  report.update_reports = stats.num_update_reports;
-  report.retries = traffic.num_retries;
-  report.local_mapping_ms_total = device.tracker().local_mapping_ms();
 }
 
 /// Too few frames to align is a fact about the run, reported as "no figure", not a failure of it.
@@ -146,6 +100,19 @@ Status WriteFiles(const ReplayOptions& options, const Sequence& sequence, const 
   return absl::OkStatus();
 }
 
+ReplayReport DescribeRun(const ReplayOptions& options) {
+  ReplayReport report;
+  report.sequence = options.sequence;
+  report.map = options.map_name;
+  report.device = options.device;
+  report.policy = NameOf(kPolicyChoices, options.participation.policy);
+  report.sampler = NameOf(kSamplerChoices, options.participation.sampler);
+  report.injection = NameOf(kInjectionChoices, options.participation.injection);
+  report.sharing = options.participation.sharing;
+  report.alpha = options.participation.oversharing;
+  return report;
+}
+
 /// What became of the session as a whole. Keyframes that did not arrive explain the troubles that followed.
 Status Outcome(const Status& played, const Status& closed, const ParticipantStats& stats) {
   if (stats.num_rejected > 0 || stats.num_dropped > 0) {
@@ -161,10 +128,9 @@ StatusOr<std::unique_ptr<Device>> OpenDevice(const ReplayOptions& options, const
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<OrbTracker> tracker, MakeTracker(sequence));
   MapClientOptions client_options;
   client_options.server_address = options.server;
-  ParticipantOptions participant_options;
+  ParticipantOptions participant_options = options.participation;
   participant_options.map_name = options.map_name;
   participant_options.device = options.device;
-  participant_options.policy = options.policy;
   return Device::Open(std::move(tracker), client_options, participant_options);
 }
 
@@ -176,19 +142,19 @@ Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std:
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<Device> device, OpenDevice(options, *sequence));
 
   const auto start = std::chrono::steady_clock::now();
+  const double cpu_before_s = GetProcessUsage().cpu_s;
   const PlayedFrames played = Play(*sequence, options.rate, options.patience, stop, *device);
   Status closed = device->Close(options.patience, /*wait_for_optimization=*/true);
 
-  ReplayReport report;
-  report.sequence = options.sequence;
-  report.map = options.map_name;
-  report.device = options.device;
-  report.policy = options.policy == UploadPolicy::kMap ? "map" : "upload_all";
+  ReplayReport report = DescribeRun(options);
   // A server that is killed while it optimizes forgets to; the session's own data are safe.
   report.optimization_pending =
       absl::IsDeadlineExceeded(closed) && device->participant().state() == ParticipantState::kClosed;
   if (report.optimization_pending) closed = absl::OkStatus();
   report.interrupted = absl::IsCancelled(played.status);
+  const ProcessUsage usage = GetProcessUsage();
+  report.cpu.process_s = usage.cpu_s - cpu_before_s;
+  report.peak_rss_bytes = usage.peak_rss_bytes;
   report.duration_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const SessionTrajectory trajectory = TrajectoryOf(*device);
   FillFrames(played.frames, report);

@@ -26,8 +26,8 @@ struct ReplayOptions {
   std::string server;
   std::string map_name;
   std::string device;
-  std::string sequence;  ///< as OpenSequenceSource takes it
-  UploadPolicy policy = UploadPolicy::kMap;
+  std::string sequence;              ///< as OpenSequenceSource takes it
+  ParticipantOptions participation;  ///< policies and their settings; map and device are those above
   ReplayRate rate = ReplayRate::kMax;
   std::optional<AlignBy> align_by;
   /// TUM, T_map_camera once aligned, else T_session_camera as the file's first line says; empty: none.

@@ -1,6 +1,7 @@
 #include "cli/replay_player.h"
 
 #include "cli/progress_bar.h"
+#include "mapp/base/process_usage.h"
 
 #include <fmt/format.h>
 
@@ -38,13 +39,20 @@ FrameRole RoleOf(const TrackingResult& tracking) {
 }
 
 StatusOr<PlayedFrame> PlayFrame(const Sequence& sequence, size_t frame_idx, Device& device) {
+  const double cpu_before_s = GetProcessUsage().cpu_s;
   MAPP_ASSIGN_OR_RETURN(const SequenceFrame frame, sequence.Read(frame_idx));
+  const double reading_cpu_s = GetProcessUsage().cpu_s - cpu_before_s;
   const TrackerFrame input{frame.stamp_ns, frame.gray.View(), frame.depth_m.View(), frame.right_gray.View()};
   MAPP_ASSIGN_OR_RETURN(const DevicePose pose, device.Track(input));
   const TrackingResult& tracking = pose.tracking;
   const bool tracked = tracking.state == TrackingState::kTracking;
-  return PlayedFrame{frame.stamp_ns, tracked, tracked && tracking.on_shared_map, RoleOf(tracking),
-                     tracking.tracking_ms};
+  return PlayedFrame{.stamp_ns = frame.stamp_ns,
+                     .tracked = tracked,
+                     .on_shared_map = tracked && tracking.on_shared_map,
+                     .role = RoleOf(tracking),
+                     .tracking_ms = tracking.tracking_ms,
+                     .tracking_cpu_ms = tracking.tracking_cpu_ms,
+                     .reading_cpu_s = reading_cpu_s};
 }
 
 }  // namespace

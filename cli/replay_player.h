@@ -20,6 +20,8 @@ struct PlayedFrame {
   bool on_shared_map = false;
   FrameRole role = FrameRole::kOrdinary;
   double tracking_ms = 0;
+  double tracking_cpu_ms = 0;  ///< of the tracking thread
+  double reading_cpu_s = 0;    ///< of the process while the frame was read or drawn
 };
 
 struct PlayedFrames {

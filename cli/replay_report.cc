@@ -5,6 +5,8 @@
 
 #include <fmt/format.h>
 
+#include <utility>
+
 namespace mapp {
 namespace {
 
@@ -19,7 +21,59 @@ std::string Bytes(std::optional<double> bytes) { return bytes ? fmt::format("{:.
 
 uint64_t NumMoments(const ReplayReport& report) { return report.keyframes + report.keyframe_equivalents; }
 
+using NamedMessages = std::pair<const char*, MessageFigures>;
+std::vector<NamedMessages> ByName(const ReplayTraffic& traffic) {
+  return {{"query", traffic.query},           {"response", traffic.response},
+          {"upload", traffic.upload},         {"shared_map_request", traffic.shared_map_request},
+          {"shared_map", traffic.shared_map}, {"update_report", traffic.update_report}};
+}
+
+using NamedLatency = std::pair<const char*, LatencySummary>;
+std::vector<NamedLatency> ByName(const ReplayLatency& latency) {
+  return {{"overlap_assessment", latency.participant.overlap_assessment},
+          {"redundancy_control", latency.participant.redundancy_control},
+          {"keyframe_upload", latency.participant.keyframe_upload},
+          {"shared_map_request", latency.participant.shared_map},
+          {"update_report", latency.participant.update_report},
+          {"localization", latency.localization},
+          {"tracking", latency.tracking},
+          {"local_mapping", latency.local_mapping}};
+}
+
+void WriteTraffic(const ReplayReport& report, JsonWriter& json) {
+  json.Key("traffic").BeginObject();
+  for (const auto& [name, messages] : ByName(report.traffic)) {
+    json.Key(name).BeginObject().Field("count", messages.count).Field("bytes", messages.bytes);
+    json.Field("bytes_per_keyframe",
+               Ratio(static_cast<double>(messages.bytes), static_cast<double>(NumMoments(report))));
+    json.EndObject();
+  }
+  json.EndObject();
+}
+
+void WriteLatency(const ReplayLatency& latency, JsonWriter& json) {
+  json.Key("latency_ms").BeginObject();
+  for (const auto& [name, step] : ByName(latency)) {
+    json.Key(name).BeginObject().Field("count", step.count).Field("mean", step.mean_ms);
+    json.Field("p50", step.p50_ms).Field("p95", step.p95_ms).EndObject();
+  }
+  json.EndObject();
+}
+
+void WriteCpu(const ReplayCpu& cpu, JsonWriter& json) {
+  json.Key("cpu_s").BeginObject();
+  json.Field("process", cpu.process_s).Field("reading", cpu.reading_s);
+  json.Field("device", cpu.process_s - cpu.reading_s);
+  json.Field("tracking", cpu.tracking_s).Field("localization", cpu.localization_s);
+  json.Field("local_mapping", cpu.local_mapping_s).Field("network", cpu.network_s).EndObject();
+}
+
 }  // namespace
+
+std::optional<double> ReplayReport::Freshness() const {
+  if (!overlap_mean) return std::nullopt;
+  return 1 - *overlap_mean;
+}
 
 std::optional<double> ReplayReport::UploadBytesPerKeyframe() const {
   return Ratio(static_cast<double>(upload_bytes), static_cast<double>(NumMoments(*this)));
@@ -37,7 +91,9 @@ std::string FormatJson(const ReplayReport& report) {
   JsonWriter json;
   json.BeginObject();
   json.Field("sequence", report.sequence).Field("map", report.map).Field("device", report.device);
-  json.Field("policy", report.policy).Field("session_id", report.session_id);
+  json.Field("policy", report.policy).Field("sampler", report.sampler).Field("injection", report.injection);
+  json.Field("sharing", report.sharing).Field("alpha", report.alpha);
+  json.Field("session_id", report.session_id);
   json.Field("interrupted", report.interrupted).Field("optimization_pending", report.optimization_pending);
   json.Field("duration_s", report.duration_s);
 
@@ -46,8 +102,10 @@ std::string FormatJson(const ReplayReport& report) {
   json.Field("keyframes_uploaded", report.keyframes_uploaded).Field("keyframes_skipped", report.keyframes_skipped);
   json.Field("keyframes_dropped", report.keyframes_dropped).Field("keyframes_rejected", report.keyframes_rejected);
   json.Field("aligned_at_keyframe", report.aligned_at_keyframe).Field("overlap_mean", report.overlap_mean);
+  json.Field("freshness", report.Freshness());
 
   json.Field("upload_bytes", report.upload_bytes).Field("full_bytes", report.full_bytes);
+  json.Field("full_features", report.full_features).Field("full_points", report.full_points);
   json.Field("upload_share", report.UploadShare());
   json.Field("upload_bytes_per_keyframe", report.UploadBytesPerKeyframe());
   json.Field("full_bytes_per_keyframe", report.FullBytesPerKeyframe());
@@ -56,10 +114,17 @@ std::string FormatJson(const ReplayReport& report) {
   json.Field("frames_on_shared_map", report.frames_on_shared_map);
   json.Field("sharing_failures", report.sharing_failures).Field("update_reports", report.update_reports);
   json.Field("retries", report.retries);
+  json.Key("sharing_started_ns").BeginArray();
+  for (const int64_t stamp_ns : report.sharing_started_ns) json.Value(stamp_ns);
+  json.EndArray();
+  WriteTraffic(report, json);
 
-  json.Key("tracking_ms").BeginObject();
-  json.Field("p50", report.tracking_ms_p50).Field("p95", report.tracking_ms_p95).EndObject();
-  json.Field("local_mapping_ms_total", report.local_mapping_ms_total);
+  json.Key("tracking_ms").BeginObject().Field("mean", report.tracking_ms.mean_ms);
+  json.Field("p50", report.tracking_ms.p50_ms).Field("p95", report.tracking_ms.p95_ms).EndObject();
+  json.Field("local_mapping_ms_total", report.latency.local_mapping.total_ms());
+  WriteLatency(report.latency, json);
+  WriteCpu(report.cpu, json);
+  json.Field("peak_rss_bytes", report.peak_rss_bytes);
   json.Field("ate_m", report.ate_m).Field("ate_joint_m", report.ate_joint_m);
   json.EndObject();
   return std::move(json).Finish();
@@ -82,6 +147,7 @@ std::string FormatText(const ReplayReport& report) {
   table.AddRow(
       {"aligned_at_keyframe", report.aligned_at_keyframe ? std::to_string(*report.aligned_at_keyframe) : "never"});
   table.AddRow({"overlap_mean", Percent(report.overlap_mean)});
+  table.AddRow({"freshness", Percent(report.Freshness())});
   table.AddRow({"upload_bytes_per_keyframe", Bytes(report.UploadBytesPerKeyframe())});
   table.AddRow({"full_bytes_per_keyframe", Bytes(report.FullBytesPerKeyframe())});
   table.AddRow({"upload_share", Percent(report.UploadShare())});
@@ -89,8 +155,12 @@ std::string FormatText(const ReplayReport& report) {
   table.AddRow({"response_bytes_mean", Bytes(report.response_bytes_mean)});
   table.AddRow({"download_bytes", std::to_string(report.download_bytes)});
   table.AddRow({"shared_map_requests", std::to_string(report.shared_map_requests)});
-  table.AddRow({"tracking_ms", fmt::format("p50 {:.1f}, p95 {:.1f}", report.tracking_ms_p50, report.tracking_ms_p95)});
-  table.AddRow({"local_mapping_ms_total", fmt::format("{:.0f}", report.local_mapping_ms_total)});
+  for (const auto& [name, step] : ByName(report.latency)) {
+    if (step.count == 0) continue;
+    table.AddRow({fmt::format("{}_ms", name), fmt::format("p50 {:.1f}, p95 {:.1f}", step.p50_ms, step.p95_ms)});
+  }
+  table.AddRow({"cpu_s", fmt::format("{:.2f}", report.cpu.process_s - report.cpu.reading_s)});
+  table.AddRow({"peak_rss", fmt::format("{:.0f} MB", 1e-6 * static_cast<double>(report.peak_rss_bytes))});
   if (report.optimization_pending) table.AddRow({"optimization", "pending"});
   table.AddRow({"ate_m", Meters(report.ate_m)});
   table.AddRow({"ate_joint_m", Meters(report.ate_joint_m)});

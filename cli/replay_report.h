@@ -1,10 +1,45 @@
 #pragma once
 
+#include "mapp/client/participant.h"
+
 #include <cstdint>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace mapp {
+
+/// Messages of one kind.
+struct MessageFigures {
+  uint64_t count = 0;
+  uint64_t bytes = 0;  ///< serialised, retries included
+};
+struct ReplayTraffic {
+  MessageFigures query;
+  MessageFigures response;
+  MessageFigures upload;
+  MessageFigures shared_map_request;
+  MessageFigures shared_map;
+  MessageFigures update_report;
+};
+
+struct ReplayLatency {
+  ParticipantLatency participant;
+  LatencySummary tracking;      ///< frames on the device's own map
+  LatencySummary localization;  ///< frames on the shared map
+  LatencySummary local_mapping;
+};
+
+/// CPU time of the replay, seconds. What a device would spend is `process_s - reading_s`; the threads' own figures
+/// leave out helpers that image processing may start.
+struct ReplayCpu {
+  double process_s = 0;       ///< from the first frame to the closed session
+  double reading_s = 0;       ///< reading or drawing the frames; at --rate real also what ran beside it
+  double tracking_s = 0;      ///< tracking thread, frames on the device's own map
+  double localization_s = 0;  ///< tracking thread, frames on the shared map
+  double local_mapping_s = 0;
+  double network_s = 0;
+};
 
 /// What `mapp replay` reports of one session. The names are those of the JSON keys.
 ///
@@ -16,6 +51,10 @@ struct ReplayReport {
   std::string map;
   std::string device;
   std::string policy;
+  std::string sampler;
+  std::string injection;
+  bool sharing = true;
+  double alpha = 0;
   uint64_t session_id = 0;
   bool interrupted = false;  ///< ended by a signal before the last frame
   /// The session was closed, but the end of the map's optimization was not heard of in time; poses are as before it.
@@ -25,6 +64,8 @@ struct ReplayReport {
   uint64_t frames = 0;          ///< played
   uint64_t frames_tracked = 0;  ///< with a pose
   uint64_t frames_on_shared_map = 0;
+  /// Stamps of the frames on the shared map whose predecessor was not.
+  std::vector<int64_t> sharing_started_ns;
   uint64_t keyframes = 0;                       ///< made by the device
   uint64_t keyframe_equivalents = 0;            ///< frames on a shared map at which it would have made one
   uint64_t keyframes_uploaded = 0;              ///< acknowledged by the server
@@ -36,6 +77,9 @@ struct ReplayReport {
 
   uint64_t upload_bytes = 0;  ///< keyframes and update reports, retries included
   uint64_t full_bytes = 0;
+  uint64_t full_features = 0;  ///< of the same keyframes
+  uint64_t full_points = 0;    ///< of these features, those with a map point
+  ReplayTraffic traffic;
   uint64_t query_bytes = 0;  ///< the largest query
   std::optional<double> response_bytes_mean;
   uint64_t download_bytes = 0;  ///< shared maps
@@ -44,15 +88,18 @@ struct ReplayReport {
   uint64_t update_reports = 0;
   uint64_t retries = 0;
 
-  double tracking_ms_p50 = 0;
-  double tracking_ms_p95 = 0;
-  double local_mapping_ms_total = 0;
+  LatencySummary tracking_ms;  ///< all frames
+  ReplayLatency latency;
+  ReplayCpu cpu;
+  uint64_t peak_rss_bytes = 0;  ///< of the process, the drawing of frames included
 
   /// Absolute trajectory error after the best rigid alignment, metres; absent without ground truth.
   std::optional<double> ate_m;
   /// The same under the alignment of the map's first session; absent without --align-by or when never aligned.
   std::optional<double> ate_joint_m;
 
+  /// Share of the points asked about that the map did not hold: 1 - overlap_mean.
+  std::optional<double> Freshness() const;
   std::optional<double> UploadBytesPerKeyframe() const;
   std::optional<double> FullBytesPerKeyframe() const;
   /// upload_bytes / full_bytes.

@@ -151,7 +151,7 @@ mapp::Status Run(const std::string& map_name, const std::string& server) {
   std::printf("%llu keyframes, %llu uploaded, %llu bytes up instead of %llu\n",
               static_cast<unsigned long long>(stats.num_keyframes), static_cast<unsigned long long>(stats.num_uploaded),
               static_cast<unsigned long long>(stats.traffic.upload_bytes),
-              static_cast<unsigned long long>(stats.full_bytes));
+              static_cast<unsigned long long>(stats.full.bytes));
   return absl::OkStatus();
 }
 

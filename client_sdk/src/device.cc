@@ -1,7 +1,5 @@
 #include "mapp/client/device.h"
 
-#include "mapp/codec/keyframe_codec.h"
-
 #include <utility>
 
 namespace mapp {
@@ -9,8 +7,7 @@ namespace mapp {
 struct Device::Impl {
   std::unique_ptr<OrbTracker> tracker;
   std::unique_ptr<Participant> participant;  // ends first: it calls the tracker
-  uint64_t num_keyframe_equivalents = 0;
-  uint64_t keyframe_equivalent_bytes = 0;
+  KeyframeTotals keyframe_equivalents;
 
   /// Hands the keyframes that local mapping has finished to the participant.
   void HandOverKeyframes() {
@@ -27,9 +24,7 @@ struct Device::Impl {
 
   void CountKeyframeEquivalent() {
     const std::optional<Keyframe> keyframe = tracker->MakeKeyframeOfLastFrame();
-    if (!keyframe) return;
-    ++num_keyframe_equivalents;
-    keyframe_equivalent_bytes += EncodeKeyframe(*keyframe).size();
+    if (keyframe) keyframe_equivalents += KeyframeTotals::Of(*keyframe);
   }
 };
 
@@ -82,7 +77,6 @@ std::optional<std::vector<TrajectoryPose>> Device::TrajectoryInMap() const {
 
 const OrbTracker& Device::tracker() const { return *impl_->tracker; }
 const Participant& Device::participant() const { return *impl_->participant; }
-uint64_t Device::num_keyframe_equivalents() const { return impl_->num_keyframe_equivalents; }
-uint64_t Device::keyframe_equivalent_bytes() const { return impl_->keyframe_equivalent_bytes; }
+const KeyframeTotals& Device::keyframe_equivalents() const { return impl_->keyframe_equivalents; }
 
 }  // namespace mapp

@@ -220,9 +220,11 @@ StatusOr<ClientSharedMap> MapClient::RequestSharedMap(SessionId session, uint32_
     tile.set_key(held.key.Packed());
     tile.set_revision(held.revision.value());
   }
+  const uint64_t request_bytes = request.ByteSizeLong();
   ClientSharedMap map;
   const auto attempt = [&](grpc::ClientContext& context) -> Status {
     map = {};
+    impl_->Count([&](TrafficCounters& counters) { counters.shared_map_request_bytes += request_bytes; });
     Status malformed;
     const auto reader = impl_->stub->RequestSharedMap(&context, request);
     v1::RequestSharedMapResponse response;
@@ -259,6 +261,7 @@ StatusOr<ClientUpdateVerdict> MapClient::ReportUpdate(SessionId session, const s
   v1::ReportUpdateResponse response;
   MAPP_RETURN_IF_ERROR(impl_->Unary(&Impl::Stub::ReportUpdate, request, response, ForPatience(patience),
                                     [&](TrafficCounters& counters) { counters.report_bytes += bytes; }));
+  impl_->Count([](TrafficCounters& counters) { ++counters.num_reports; });
   return FromProto(response.verdict());
 }
 

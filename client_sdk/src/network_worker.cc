@@ -1,5 +1,7 @@
 #include "network_worker.h"
 
+#include "mapp/base/latency.h"
+#include "mapp/base/process_usage.h"
 #include "mapp/codec/keyframe_codec.h"
 #include "mapp/view/view_cone.h"
 
@@ -36,7 +38,10 @@ NetworkWorker::NetworkWorker(MapClient& client, SessionProgress& progress, SlamA
 
 void NetworkWorker::Run() {
   while (const std::optional<Job> job = progress_.NextJob()) {
+    const double cpu_before_s = ThreadCpuSeconds();
     std::visit([this](const auto& some_job) { Handle(some_job); }, *job);
+    const double cpu_s = ThreadCpuSeconds() - cpu_before_s;
+    progress_.UpdateStats([&](ParticipantStats& stats) { stats.network_cpu_s += cpu_s; });
     progress_.JobDone();
   }
 }
@@ -66,22 +71,25 @@ Status NetworkWorker::Process(const KeyframeJob& job) {
 }
 
 void NetworkWorker::Handle(const AlignedJob&) {
-  if (!last_registering_ || progress_.state() != ParticipantState::kExpanding) return;
+  if (!options_.sharing || !last_registering_ || progress_.state() != ParticipantState::kExpanding) return;
   const Keyframe keyframe = *std::exchange(last_registering_, std::nullopt);
   const OwnPoints own = OwnPointsOf(keyframe, camera_);
   if (own.p_camera.empty()) return;
-  const StatusOr<std::optional<OverlapCount>> count = Assess(keyframe, own);
-  if (!count.ok()) {
-    NoteError(progress_, count.status());
+  const StatusOr<std::optional<Assessment>> assessment = Assess(keyframe, own);
+  if (!assessment.ok()) {
+    NoteError(progress_, assessment.status());
     return;
   }
-  if (!*count || (*count)->overlap < options_.seen_overlap) return;
-  const StatusOr<bool> shared = Share(keyframe, (*count)->overlap, Patience::kRetry);
+  if (!*assessment || (*assessment)->count.overlap < options_.seen_overlap) return;
+  const StatusOr<bool> shared = Share(keyframe, (*assessment)->count.overlap, Patience::kRetry);
   if (!shared.ok()) NoteError(progress_, shared.status());
 }
 
 Status NetworkWorker::Upload(const Keyframe& keyframe) {
-  MAPP_ASSIGN_OR_RETURN(const ClientUpload upload, client_.UploadKeyframe(EncodeKeyframe(keyframe)));
+  const std::string packet = EncodeKeyframe(keyframe);
+  const Stopwatch stopwatch;
+  MAPP_ASSIGN_OR_RETURN(const ClientUpload upload, client_.UploadKeyframe(packet));
+  progress_.RecordLatency(Step::kKeyframeUpload, stopwatch.Elapsed());
   progress_.OnUploaded(keyframe.number, upload);
   return absl::OkStatus();
 }
@@ -89,16 +97,19 @@ Status NetworkWorker::Upload(const Keyframe& keyframe) {
 Status NetworkWorker::Expand(Keyframe keyframe) {
   const OwnPoints own = OwnPointsOf(keyframe, camera_);
   if (own.p_camera.empty()) return Skip();
-  MAPP_ASSIGN_OR_RETURN(const std::optional<OverlapCount> count, Assess(keyframe, own));
-  if (!count) return Upload(keyframe);
-  keyframe.overlap = static_cast<float>(count->overlap);
+  MAPP_ASSIGN_OR_RETURN(const std::optional<Assessment> assessment, Assess(keyframe, own));
+  if (!assessment) return Upload(keyframe);
+  const OverlapCount& count = assessment->count;
+  keyframe.overlap = static_cast<float>(count.overlap);
 
-  bool known = count->overlap >= options_.seen_overlap;
-  if (known && progress_.state() != ParticipantState::kSharing) {
-    MAPP_ASSIGN_OR_RETURN(known, Share(keyframe, count->overlap, Patience::kRetry));
+  bool known = count.overlap >= options_.seen_overlap;
+  if (known && options_.sharing && progress_.state() != ParticipantState::kSharing) {
+    MAPP_ASSIGN_OR_RETURN(known, Share(keyframe, count.overlap, Patience::kRetry));
   }
   if (known) return Skip();
-  const Reduced reduced = RemoveRedundant(keyframe, own, count->redundant, options_.injection, rng_);
+  const Stopwatch stopwatch;
+  const Reduced reduced = RemoveRedundant(keyframe, own, count.redundant, options_.injection, rng_);
+  progress_.RecordLatency(Step::kRedundancyControl, assessment->counting_time + stopwatch.Elapsed());
   return reduced.num_fresh == 0 ? Skip() : Upload(reduced.keyframe);
 }
 
@@ -107,22 +118,27 @@ Status NetworkWorker::Skip() {
   return absl::OkStatus();
 }
 
-StatusOr<std::optional<OverlapCount>> NetworkWorker::Assess(const Keyframe& keyframe, const OwnPoints& own) {
+StatusOr<std::optional<NetworkWorker::Assessment>> NetworkWorker::Assess(const Keyframe& keyframe,
+                                                                         const OwnPoints& own) {
   ViewQuery view{.pose_frame = keyframe.pose_frame,
                  .T_frame_camera = keyframe.T_frame_camera,
                  .sampler = options_.sampler,
                  .sketch = {}};
   if (options_.sampler == SamplerKind::kDepthSketch) view.sketch = MakeDepthSketch(camera_, own.p_camera);
+  const Stopwatch round_trip;
   const StatusOr<std::vector<bool>> sample_redundant =
       client_.AssessOverlap(session_.id, keyframe.number, view, static_cast<size_t>(options_.num_samples));
   if (absl::IsFailedPrecondition(sample_redundant.status())) return std::nullopt;
   MAPP_RETURN_IF_ERROR(sample_redundant.status());
+  progress_.RecordLatency(Step::kOverlapAssessment, round_trip.Elapsed());
+  const Stopwatch counting;
   OverlapCount count = CountOverlap(DrawSamples(view), *sample_redundant, own.p_camera);
+  const std::chrono::nanoseconds counting_time = counting.Elapsed();
   progress_.UpdateStats([&](ParticipantStats& stats) {
     stats.overlap_sum += count.overlap;
     ++stats.num_overlaps;
   });
-  return count;
+  return Assessment{std::move(count), counting_time};
 }
 
 SampleSet NetworkWorker::DrawSamples(const ViewQuery& view) const {
@@ -140,9 +156,11 @@ StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patien
                         .T_frame_camera = view.T_frame_camera,
                         .sampler = SamplerKind::kUniform,
                         .sketch = {}};
+  const Stopwatch stopwatch;
   MAPP_ASSIGN_OR_RETURN(ClientSharedMap received,
                         client_.RequestSharedMap(session_.id, view.number, query, options_.oversharing, overlap,
                                                  tiles_.Held(), patience));
+  progress_.RecordLatency(Step::kSharedMap, stopwatch.Elapsed());
   tiles_.Put(std::move(received.tiles));
   const Pose3 T_map_camera =
       view.pose_frame == PoseFrame::kMap ? view.T_frame_camera : *T_map_session * view.T_frame_camera;
@@ -182,9 +200,11 @@ void NetworkWorker::ReportFailure(const FailureJob& job) {
   Keyframe keyframe = *job.keyframe;
   PlaceInMap(keyframe);
   progress_.UpdateStats([](ParticipantStats& stats) { ++stats.num_update_reports; });
+  const Stopwatch stopwatch;
   const StatusOr<ClientUpdateVerdict> verdict =
       client_.ReportUpdate(session_.id, {EncodeKeyframe(keyframe)}, Patience::kOneAttempt);
   if (!verdict.ok()) NoteError(progress_, verdict.status());
+  if (verdict.ok()) progress_.RecordLatency(Step::kUpdateReport, stopwatch.Elapsed());
   if (verdict.ok() && *verdict == ClientUpdateVerdict::kUpdating) progress_.AddEvidence(*job.keyframe, true);
   LeaveSharedMap();
 }

@@ -38,9 +38,13 @@ class NetworkWorker {
   Status Expand(Keyframe keyframe);
   /// Counts a keyframe that need not be sent.
   Status Skip();
-  /// The device's own count, by the answer to a query; nullopt where the server cannot tell (session not aligned
-  /// there).
-  StatusOr<std::optional<OverlapCount>> Assess(const Keyframe& keyframe, const OwnPoints& own);
+  /// The device's own count by the answer to a query, and how long it took to count.
+  struct Assessment {
+    OverlapCount count;
+    std::chrono::nanoseconds counting_time;
+  };
+  /// nullopt where the server cannot tell (session not aligned there).
+  StatusOr<std::optional<Assessment>> Assess(const Keyframe& keyframe, const OwnPoints& own);
   SampleSet DrawSamples(const ViewQuery& view) const;
 
   /// Asks for the map around a pose and hands it to the adapter. False when the map knows nothing there.

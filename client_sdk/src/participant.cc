@@ -6,6 +6,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <cmath>
 #include <thread>
 #include <utility>
@@ -31,6 +32,22 @@ Status ParticipantOptions::Validate() const {
   MAPP_RETURN_IF_ERROR(CheckRange(max_shared_map_tries, 0, 100, "max_shared_map_tries"));
   if (max_queued_keyframes == 0) return absl::InvalidArgumentError("max_queued_keyframes: must be at least 1");
   return absl::OkStatus();
+}
+
+KeyframeTotals KeyframeTotals::Of(const Keyframe& keyframe) {
+  const auto has_point = [](const KeyframeFeature& feature) { return feature.point.has_value(); };
+  return {.num_keyframes = 1,
+          .bytes = EncodeKeyframe(keyframe).size(),
+          .num_features = keyframe.features.size(),
+          .num_points = static_cast<uint64_t>(std::ranges::count_if(keyframe.features, has_point))};
+}
+
+KeyframeTotals& KeyframeTotals::operator+=(const KeyframeTotals& other) {
+  num_keyframes += other.num_keyframes;
+  bytes += other.bytes;
+  num_features += other.num_features;
+  num_points += other.num_points;
+  return *this;
 }
 
 struct Participant::Impl {
@@ -92,8 +109,8 @@ void Participant::OnKeyframe(Keyframe keyframe) {
     });
     return;
   }
-  const size_t bytes = EncodeKeyframe(keyframe).size();
-  impl_->progress.UpdateStats([&](ParticipantStats& stats) { stats.full_bytes += bytes; });
+  const KeyframeTotals totals = KeyframeTotals::Of(keyframe);
+  impl_->progress.UpdateStats([&](ParticipantStats& stats) { stats.full += totals; });
   impl_->progress.AddKeyframe(std::move(keyframe));
 }
 

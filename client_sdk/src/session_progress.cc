@@ -159,6 +159,13 @@ void SessionProgress::UpdateStats(const std::function<void(ParticipantStats&)>& 
   change(stats_);
 }
 
+void SessionProgress::RecordLatency(Step step, std::chrono::nanoseconds duration) {
+  MutexLock lock(mutex_);
+  latency_.at(static_cast<size_t>(step)).Add(duration);
+}
+
+LatencySummary SessionProgress::Summary(Step step) const { return latency_.at(static_cast<size_t>(step)).Summary(); }
+
 struct SessionProgress::EventVisitor {
   SessionProgress& progress;
 
@@ -227,7 +234,13 @@ std::optional<Pose3> SessionProgress::T_map_session() const {
 
 ParticipantStats SessionProgress::stats() const {
   MutexLock lock(mutex_);
-  return stats_;
+  ParticipantStats stats = stats_;
+  stats.latency = {.overlap_assessment = Summary(Step::kOverlapAssessment),
+                   .redundancy_control = Summary(Step::kRedundancyControl),
+                   .keyframe_upload = Summary(Step::kKeyframeUpload),
+                   .shared_map = Summary(Step::kSharedMap),
+                   .update_report = Summary(Step::kUpdateReport)};
+  return stats;
 }
 
 }  // namespace mapp

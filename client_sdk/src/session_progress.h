@@ -1,8 +1,10 @@
 #pragma once
 
+#include "mapp/base/latency.h"
 #include "mapp/base/mutex.h"
 #include "mapp/client/participant.h"
 
+#include <array>
 #include <chrono>
 #include <deque>
 #include <functional>
@@ -29,6 +31,9 @@ struct FailureJob {
 /// A fragment was just aligned and no keyframe waits: what was uploaded last may lie where the map is known.
 struct AlignedJob {};
 using Job = std::variant<KeyframeJob, FailureJob, AlignedJob>;
+
+/// What a participant's work consists of, for ParticipantLatency.
+enum class Step { kOverlapAssessment, kRedundancyControl, kKeyframeUpload, kSharedMap, kUpdateReport };
 
 /// Where a session stands: the queue and the state that the app's thread, the network thread and the watch
 /// thread share. Knows nothing of the network. Thread-safe.
@@ -61,6 +66,7 @@ class SessionProgress {
   /// Tiles that the server has changed since the last call, and the revisions that did it.
   std::map<TileKey, Revision> TakeChangedTiles();
   void UpdateStats(const std::function<void(ParticipantStats&)>& change);
+  void RecordLatency(Step step, std::chrono::nanoseconds duration);
 
   // From the watch thread.
   void OnEvent(const ClientEvent& event);
@@ -80,6 +86,7 @@ class SessionProgress {
   struct EventVisitor;
 
   void Align(const Pose3& T_map_session, uint32_t keyframe) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  LatencySummary Summary(Step step) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Empty when nothing is left to do.
   std::string Missing(bool compared) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
@@ -88,7 +95,8 @@ class SessionProgress {
   CondVar changed_;
   ParticipantState state_ ABSL_GUARDED_BY(mutex_) = ParticipantState::kRegistering;
   std::optional<Pose3> T_map_session_ ABSL_GUARDED_BY(mutex_);
-  ParticipantStats stats_ ABSL_GUARDED_BY(mutex_);
+  ParticipantStats stats_ ABSL_GUARDED_BY(mutex_);                  // but for its latencies
+  std::array<LatencyRecorder, 5> latency_ ABSL_GUARDED_BY(mutex_);  // by Step
 
   std::deque<KeyframeJob> queue_ ABSL_GUARDED_BY(mutex_);
   bool busy_ ABSL_GUARDED_BY(mutex_) = false;

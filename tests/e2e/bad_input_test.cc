@@ -127,6 +127,14 @@ INSTANTIATE_TEST_SUITE_P(
         WrongUsage{"NoSequence", {"replay", "--device", "d", "--map", "m"}, "sequence"},
         WrongUsage{
             "UnknownPolicy", {"replay", "--device", "d", "--map", "m", "--policy", "some", "sim:room/0"}, "--policy"},
+        WrongUsage{"UnknownSampler",
+                   {"replay", "--device", "d", "--map", "m", "--sampler", "best", "sim:room/0"},
+                   "--sampler: best is not one of depth_sketch, uniform"},
+        WrongUsage{
+            "NarrowedSharing", {"replay", "--device", "d", "--map", "m", "--alpha", "0.9", "sim:room/0"}, "--alpha"},
+        WrongUsage{"UnknownFormat",
+                   {"export", "--map", "m", "--out", "x", "--format", "obj"},
+                   "--format: obj is not one of ply, tum"},
         WrongUsage{"OneAlignByFile",
                    {"replay", "--device", "d", "--map", "m", "sim:room/0", "--align-by", "truth.txt"},
                    "--align-by"},

@@ -4,8 +4,8 @@
 #include "client_sdk/src/tracker/local_bundle.h"
 #include "client_sdk/src/tracker/point_fusion.h"
 #include "client_sdk/src/tracker/triangulation.h"
+#include "mapp/base/process_usage.h"
 
-#include <chrono>
 #include <utility>
 
 namespace mapp::tracker {
@@ -70,7 +70,8 @@ void LocalMapper::Run() {
 }
 
 void LocalMapper::Execute(const Job& job) {
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch stopwatch;
+  const double cpu_before_s = ThreadCpuSeconds();
   switch (job.kind) {
     case Job::Kind::kProcessKeyframe:
       Process(job.argument);
@@ -82,9 +83,11 @@ void LocalMapper::Execute(const Job& job) {
       break;
     }
   }
-  const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begin;
+  const std::chrono::nanoseconds elapsed = stopwatch.Elapsed();
+  const double cpu_s = ThreadCpuSeconds() - cpu_before_s;
   MutexLock lock(mutex_);
-  busy_ms_ += elapsed.count();
+  cpu_s_ += cpu_s;
+  if (job.kind == Job::Kind::kProcessKeyframe) latency_.Add(elapsed);
 }
 
 void LocalMapper::Process(int keyframe_idx) {
@@ -159,9 +162,9 @@ size_t LocalMapper::num_waiting() const {
   return waiting_.size();
 }
 
-double LocalMapper::busy_ms() const {
+LocalMappingStats LocalMapper::stats() const {
   MutexLock lock(mutex_);
-  return busy_ms_;
+  return {latency_.Summary(), cpu_s_};
 }
 
 }  // namespace mapp::tracker

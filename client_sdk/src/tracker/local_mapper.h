@@ -32,7 +32,7 @@ class LocalMapper {
   std::vector<Keyframe> TakeFinished();
   void WaitIdle();
   size_t num_waiting() const;
-  double busy_ms() const;
+  LocalMappingStats stats() const;
 
  private:
   struct Job {
@@ -61,7 +61,8 @@ class LocalMapper {
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
   std::vector<Keyframe> finished_ ABSL_GUARDED_BY(mutex_);
   uint32_t next_number_ ABSL_GUARDED_BY(mutex_) = 0;
-  double busy_ms_ ABSL_GUARDED_BY(mutex_) = 0;
+  LatencyRecorder latency_ ABSL_GUARDED_BY(mutex_);
+  double cpu_s_ ABSL_GUARDED_BY(mutex_) = 0;
 
   std::thread thread_;  ///< last: it uses everything above
 };

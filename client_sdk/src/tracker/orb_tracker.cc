@@ -3,6 +3,7 @@
 #include "client_sdk/src/tracker/frame.h"
 #include "client_sdk/src/tracker/tracking_session.h"
 #include "mapp/base/mutex.h"
+#include "mapp/base/process_usage.h"
 
 #include <fmt/format.h>
 
@@ -81,7 +82,8 @@ StatusOr<std::unique_ptr<OrbTracker>> OrbTracker::CreateStereo(const Camera& lef
 }
 
 StatusOr<TrackingResult> OrbTracker::Track(const TrackerFrame& frame) {
-  const auto begin = std::chrono::steady_clock::now();
+  const Stopwatch stopwatch;
+  const double cpu_before_s = ThreadCpuSeconds();
   MAPP_RETURN_IF_ERROR(impl_->frame_builder->Validate(frame));
   if (impl_->last_stamp_ns && frame.stamp_ns <= *impl_->last_stamp_ns) {
     return absl::InvalidArgumentError(
@@ -91,8 +93,8 @@ StatusOr<TrackingResult> OrbTracker::Track(const TrackerFrame& frame) {
   impl_->last_stamp_ns = frame.stamp_ns;
   impl_->ApplyRequest();
   TrackingResult result = impl_->session.Track(built);
-  const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begin;
-  result.tracking_ms = elapsed.count();
+  result.tracking_ms = std::chrono::duration<double, std::milli>(stopwatch.Elapsed()).count();
+  result.tracking_cpu_ms = 1e3 * (ThreadCpuSeconds() - cpu_before_s);
   return result;
 }
 
@@ -118,6 +120,6 @@ const Camera& OrbTracker::camera() const { return impl_->frame_builder->camera()
 
 SensorKind OrbTracker::sensor() const { return impl_->frame_builder->camera().sensor; }
 
-double OrbTracker::local_mapping_ms() const { return impl_->session.mapper().busy_ms(); }
+LocalMappingStats OrbTracker::local_mapping() const { return impl_->session.mapper().stats(); }
 
 }  // namespace mapp

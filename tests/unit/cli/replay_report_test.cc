@@ -33,6 +33,32 @@ TEST(ReplayReportTest, CountsSharedFramesAsKeyframesInFiguresPerKeyframe) {
   EXPECT_DOUBLE_EQ(SecondDevice().UploadShare().value(), 0.2);
 }
 
+TEST(ReplayReportTest, FreshnessIsWhatTheMapDidNotHold) {
+  ReplayReport report;
+  EXPECT_FALSE(report.Freshness().has_value());
+  report.overlap_mean = 0.75;
+  EXPECT_DOUBLE_EQ(report.Freshness().value(), 0.25);
+}
+
+TEST(ReplayReportTest, JsonTellsTrafficByKindAndKeyframe) {
+  ReplayReport report = SecondDevice();
+  report.traffic.update_report = {.count = 2, .bytes = 5'000};
+  const std::string json = FormatJson(report);
+  const size_t kind = json.find("\"update_report\": {");
+  ASSERT_NE(kind, std::string::npos);
+  const std::string figures = json.substr(kind, json.find('}', kind) - kind);
+  EXPECT_THAT(figures, HasSubstr("\"count\": 2"));
+  EXPECT_THAT(figures, HasSubstr("\"bytes\": 5000"));
+  EXPECT_THAT(figures, HasSubstr("\"bytes_per_keyframe\": 500"));
+}
+
+TEST(ReplayReportTest, JsonSetsTheDevicesCpuApartFromReadingItsFrames) {
+  ReplayReport report;
+  report.cpu.process_s = 10;
+  report.cpu.reading_s = 7.5;
+  EXPECT_THAT(FormatJson(report), HasSubstr("\"device\": 2.5"));
+}
+
 TEST(ReplayReportTest, HasNoFigurePerKeyframeWithoutKeyframes) {
   EXPECT_FALSE(ReplayReport().UploadBytesPerKeyframe().has_value());
   EXPECT_FALSE(ReplayReport().UploadShare().has_value());
@@ -40,10 +66,42 @@ TEST(ReplayReportTest, HasNoFigurePerKeyframeWithoutKeyframes) {
 
 TEST(ReplayReportTest, JsonHasEveryPromisedKey) {
   const std::string json = FormatJson(SecondDevice());
-  for (const char* key :
-       {"frames", "frames_tracked", "keyframes", "aligned_at_keyframe", "overlap_mean", "upload_bytes_per_keyframe",
-        "full_bytes_per_keyframe", "query_bytes", "response_bytes_mean", "download_bytes", "shared_map_requests",
-        "frames_on_shared_map", "tracking_ms", "p50", "p95", "local_mapping_ms_total", "ate_m", "ate_joint_m"}) {
+  for (const char* key : {"frames",
+                          "frames_tracked",
+                          "keyframes",
+                          "aligned_at_keyframe",
+                          "overlap_mean",
+                          "upload_bytes_per_keyframe",
+                          "full_bytes_per_keyframe",
+                          "query_bytes",
+                          "response_bytes_mean",
+                          "download_bytes",
+                          "shared_map_requests",
+                          "frames_on_shared_map",
+                          "tracking_ms",
+                          "p50",
+                          "p95",
+                          "local_mapping_ms_total",
+                          "ate_m",
+                          "ate_joint_m",
+                          "sampler",
+                          "injection",
+                          "sharing",
+                          "alpha",
+                          "freshness",
+                          "full_features",
+                          "full_points",
+                          "sharing_started_ns",
+                          "traffic",
+                          "shared_map_request",
+                          "latency_ms",
+                          "overlap_assessment",
+                          "redundancy_control",
+                          "keyframe_upload",
+                          "localization",
+                          "local_mapping",
+                          "cpu_s",
+                          "peak_rss_bytes"}) {
     EXPECT_THAT(json, HasSubstr(fmt::format("\"{}\": ", key)));
   }
   EXPECT_THAT(json, HasSubstr("\"aligned_at_keyframe\": 3"));
@@ -59,8 +117,9 @@ TEST(ReplayReportTest, JsonTellsAFounderFromASessionThatWasNeverAligned) {
 
 TEST(ReplayReportTest, TwoTablesFitSideBySide) {
   ReplayReport report = SecondDevice();
-  report.tracking_ms_p50 = 1234.5;
-  report.tracking_ms_p95 = 12345.6;
+  const LatencySummary slow{.count = 7, .mean_ms = 1300, .p50_ms = 1234.5, .p95_ms = 12345.6};
+  report.latency.participant = {slow, slow, slow, slow, slow};
+  report.latency.tracking = report.latency.localization = report.latency.local_mapping = slow;
   report.interrupted = true;
   std::istringstream text(FormatText(report));
   for (std::string line; std::getline(text, line);) EXPECT_LE(line.size(), 52) << line;

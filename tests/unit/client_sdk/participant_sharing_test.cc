@@ -27,6 +27,41 @@ TEST_F(ParticipantTest, AFailureBringsANewSharedMapAndLocalizingOnItEndsIt) {
   EXPECT_THAT(server_.reported(), SizeIs(0));
 }
 
+TEST_F(ParticipantTest, WithoutSharingAKnownViewIsNeitherSentNorAskedFor) {
+  options_.sharing = false;
+  OpenAligned();
+  server_.Change([](FakeMapService::Script& script) {
+    script.samples_redundant = true;
+    script.tiles = {TestTile(Revision(1))};
+  });
+  HandIn(1);
+  HandIn(2);
+  EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
+  EXPECT_THAT(server_.shared_map_requests(), SizeIs(0));
+  EXPECT_THAT(server_.queries(), SizeIs(2)) << "it goes on asking";
+  EXPECT_THAT(server_.uploads(), SizeIs(1)) << "the founding keyframe";
+  EXPECT_THAT(adapter_.maps(), SizeIs(0));
+  EXPECT_EQ(participant_->stats().num_skipped, 2U);
+}
+
+TEST_F(ParticipantTest, TellsHowLongEachStepTook) {
+  OpenSharing();
+  for (uint32_t number = 1; number <= 3; ++number) Frame(number, false);
+  server_.Change([](FakeMapService::Script& script) { script.samples_redundant = false; });
+  HandIn(4);
+  const ParticipantStats stats = participant_->stats();
+  EXPECT_EQ(stats.latency.overlap_assessment.count, stats.traffic.num_queries);
+  EXPECT_EQ(stats.latency.keyframe_upload.count, stats.traffic.num_uploads);
+  EXPECT_EQ(stats.latency.shared_map.count, 3U);
+  EXPECT_EQ(stats.latency.update_report.count, 1U);
+  EXPECT_EQ(stats.traffic.num_reports, 1U);
+  EXPECT_EQ(stats.latency.redundancy_control.count, 1U) << "the seen one was not reduced";
+  EXPECT_GT(stats.latency.overlap_assessment.mean_ms, 0);
+  EXPECT_GT(stats.latency.redundancy_control.mean_ms, 0);
+  EXPECT_GT(stats.network_cpu_s, 0);
+  EXPECT_GT(stats.traffic.shared_map_request_bytes, 0U);
+}
+
 TEST_F(ParticipantTest, TilesThatTheDeviceHoldsAreNotSentAgain) {
   OpenSharing();
   const uint64_t bytes_of_one = participant_->stats().traffic.download_bytes;

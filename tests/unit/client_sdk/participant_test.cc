@@ -135,7 +135,8 @@ TEST_F(ParticipantTest, UploadAllNeverAsksAndNeverShares) {
   for (const Keyframe& upload : server_.uploads()) EXPECT_FALSE(upload.partial);
   const ParticipantStats stats = participant_->stats();
   // The envelope of the message is all that uploads carry beyond the packets.
-  EXPECT_NEAR(static_cast<double>(stats.traffic.upload_bytes), static_cast<double>(stats.full_bytes), 3 * 8);
+  EXPECT_NEAR(static_cast<double>(stats.traffic.upload_bytes), static_cast<double>(stats.full.bytes), 3 * 8);
+  EXPECT_EQ(stats.full.num_keyframes, 3U);
 }
 
 TEST_F(ParticipantTest, CloseSendsWhatIsQueuedAndWaitsForTheOptimisation) {

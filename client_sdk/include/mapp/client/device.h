@@ -30,9 +30,8 @@ class Device {
   std::optional<std::vector<TrajectoryPose>> TrajectoryInMap() const;
   const OrbTracker& tracker() const;
   const Participant& participant() const;
-  /// Frames of TrackingResult::would_be_keyframe, and the bytes upload_all would have sent for them.
-  uint64_t num_keyframe_equivalents() const;
-  uint64_t keyframe_equivalent_bytes() const;
+  /// Frames of TrackingResult::would_be_keyframe, as upload_all would have sent them.
+  const KeyframeTotals& keyframe_equivalents() const;
 
  private:
   struct Impl;

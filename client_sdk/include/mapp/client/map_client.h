@@ -41,9 +41,11 @@ struct TrafficCounters {
   uint64_t max_response_bytes = 0;
   uint64_t upload_bytes = 0;
   uint64_t num_uploads = 0;
-  uint64_t download_bytes = 0;  ///< shared maps
+  uint64_t download_bytes = 0;            ///< shared maps
+  uint64_t shared_map_request_bytes = 0;  ///< what was sent to ask for them: the list of held tiles
   uint64_t num_shared_map_requests = 0;
   uint64_t report_bytes = 0;
+  uint64_t num_reports = 0;  ///< answered
   uint64_t num_retries = 0;
 };
 

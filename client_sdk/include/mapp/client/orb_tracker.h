@@ -1,5 +1,6 @@
 #pragma once
 
+#include "mapp/base/latency.h"
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/client/shared_map.h"
@@ -58,7 +59,8 @@ struct TrackingResult {
   bool is_keyframe = false;
   /// On the shared map no keyframe is made; true where mapping for itself would have made one.
   bool would_be_keyframe = false;
-  double tracking_ms = 0;  ///< this call, extraction included
+  double tracking_ms = 0;      ///< this call, extraction included
+  double tracking_cpu_ms = 0;  ///< CPU time of the calling thread in this call
 };
 
 /// Pose of a frame, as it is now after all corrections to its reference keyframe.
@@ -66,6 +68,12 @@ struct TrajectoryPose {
   int64_t stamp_ns = 0;
   Pose3 T_session_camera;
   bool on_shared_map = false;
+};
+
+/// What local mapping has cost so far.
+struct LocalMappingStats {
+  LatencySummary latency;  ///< of each keyframe
+  double cpu_s = 0;        ///< CPU time; part of tracking_cpu_ms when OrbTrackerOptions::synchronous
 };
 
 /// A complete ORB front end for RGB-D and stereo (DESIGN 13): extraction, motion-model and local-map tracking,
@@ -109,8 +117,7 @@ class OrbTracker : public SlamAdapter {
   /// The camera that keyframes and poses refer to, and the sensor kind.
   const Camera& camera() const;
   SensorKind sensor() const;
-  /// CPU-free wall time spent in local mapping, milliseconds.
-  double local_mapping_ms() const;
+  LocalMappingStats local_mapping() const;
 
  private:
   struct Impl;

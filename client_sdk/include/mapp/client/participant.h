@@ -1,5 +1,6 @@
 #pragma once
 
+#include "mapp/base/latency.h"
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/client/map_client.h"
@@ -29,8 +30,11 @@ struct ParticipantOptions {
   UploadPolicy policy = UploadPolicy::kMap;
   Injection injection = Injection::kOften;
   SamplerKind sampler = SamplerKind::kDepthSketch;
-  int num_samples = 1000;        ///< K; range [1, 1000]
-  double seen_overlap = 0.9;     ///< T_seen; range (0, 1]
+  int num_samples = 1000;     ///< K; range [1, 1000]
+  double seen_overlap = 0.9;  ///< T_seen; range (0, 1]
+  /// Off: where the map knows a view the device neither asks for it nor uploads, and goes on mapping for itself (the
+  /// paper's "w/o sharing").
+  bool sharing = true;
   double oversharing = 1.3;      ///< alpha; range [1, 4]
   int max_shared_map_tries = 2;  ///< f of algorithm 1
   /// Keyframes waiting for the server; beyond it the oldest is dropped and counted.
@@ -39,6 +43,26 @@ struct ParticipantOptions {
 };
 
 enum class ParticipantState { kRegistering, kExpanding, kSharing, kClosed };
+
+/// Keyframes as upload_all sends them.
+struct KeyframeTotals {
+  uint64_t num_keyframes = 0;
+  uint64_t bytes = 0;  ///< encoded, whole
+  uint64_t num_features = 0;
+  uint64_t num_points = 0;  ///< features with a map point
+
+  static KeyframeTotals Of(const Keyframe& keyframe);
+  KeyframeTotals& operator+=(const KeyframeTotals& other);
+};
+
+/// How long a session's steps took when they succeeded, retries and the pauses between them included.
+struct ParticipantLatency {
+  LatencySummary overlap_assessment;  ///< from the query to its answer
+  LatencySummary redundancy_control;  ///< the device's own count and what it then removes; no network
+  LatencySummary keyframe_upload;     ///< to the acknowledgement
+  LatencySummary shared_map;          ///< from the request to the last byte, decoded
+  LatencySummary update_report;
+};
 
 struct ParticipantStats {
   uint64_t num_keyframes = 0;  ///< handed in
@@ -50,10 +74,12 @@ struct ParticipantStats {
   std::optional<uint32_t> aligned_at_keyframe;
   double overlap_sum = 0;  ///< over answered queries, by the device's own count
   uint64_t num_overlaps = 0;
-  uint64_t full_bytes = 0;  ///< what upload_all would have sent for the keyframes handed in
+  KeyframeTotals full;  ///< what upload_all would have sent for the keyframes handed in
   uint64_t num_sharing_failures = 0;
   uint64_t num_update_reports = 0;
   TrafficCounters traffic;
+  ParticipantLatency latency;
+  double network_cpu_s = 0;  ///< CPU time of the network thread: coding, counting, redundancy control
 };
 
 /// The life of a session (DESIGN 3) for any SLAM system: registering, expanding, sharing, failing (algorithm 1),

@@ -63,7 +63,7 @@ TEST_P(KitchenTest, TracksWithinTheErrorOfEstablishedSystems) {
   // Times depend on the machine: they are printed, not tested.
   std::cout << "tracked " << num_tracked << "/" << (*sequence)->num_frames() << ", keyframes "
             << (*tracker)->TakeKeyframes().size() << ", ATE " << error->rmse_m << " m, median tracking " << *middle
-            << " ms, local mapping " << (*tracker)->local_mapping_ms() << " ms\n";
+            << " ms, local mapping " << (*tracker)->local_mapping().latency.total_ms() << " ms\n";
 }
 
 INSTANTIATE_TEST_SUITE_P(RedKitchen, KitchenTest,

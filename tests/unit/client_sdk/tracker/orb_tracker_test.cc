@@ -111,7 +111,7 @@ TEST(OrbTrackerTest, MapsInAThreadOfItsOwn) {
   const auto num_keyframes =
       std::count_if(results.begin(), results.end(), [](const TrackingResult& result) { return result.is_keyframe; });
   EXPECT_EQ(tracker->TakeKeyframes().size(), static_cast<size_t>(num_keyframes));
-  EXPECT_GT(tracker->local_mapping_ms(), 0);
+  EXPECT_GT(tracker->local_mapping().latency.total_ms(), 0);
 }
 
 TEST(OrbTrackerTest, SaysLostOnABlackImageAndFindsItselfAgain) {

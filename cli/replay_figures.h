@@ -1,0 +1,15 @@
+#pragma once
+
+#include "cli/replay_player.h"
+#include "cli/replay_report.h"
+#include "mapp/client/device.h"
+
+#include <vector>
+
+namespace mapp {
+
+/// What the played frames and the device's participation come to, put into the report.
+void FillFrames(const std::vector<PlayedFrame>& frames, ReplayReport& report);
+void FillParticipation(const Device& device, ReplayReport& report);
+
+}  // namespace mapp
