@@ -22,20 +22,6 @@ RTCDevice SharedDevice() {
   return device.get();
 }
 
-/// Embree's normal is ours, edge_v x edge_u, by the order of the vertices below.
-void RejectBacks(const RTCFilterFunctionNArguments* arguments) {
-  RTCRayN* ray = arguments->ray;
-  RTCHitN* hit = arguments->hit;
-  const unsigned int n = arguments->N;
-  for (unsigned int i = 0; i < n; ++i) {
-    if (arguments->valid[i] == 0) continue;
-    const float along_normal = RTCRayN_dir_x(ray, n, i) * RTCHitN_Ng_x(hit, n, i) +
-                               RTCRayN_dir_y(ray, n, i) * RTCHitN_Ng_y(hit, n, i) +
-                               RTCRayN_dir_z(ray, n, i) * RTCHitN_Ng_z(hit, n, i);
-    if (!(along_normal < 0)) arguments->valid[i] = 0;
-  }
-}
-
 void FillBuffers(std::span<const Quad> quads, RTCGeometry geometry) {
   auto* vertices = static_cast<float*>(rtcSetNewGeometryBuffer(geometry, RTC_BUFFER_TYPE_VERTEX, 0, RTC_FORMAT_FLOAT3,
                                                                3 * sizeof(float), 4 * quads.size()));
@@ -60,14 +46,12 @@ EmbreeScene::EmbreeScene(std::span<const Quad> quads, uint32_t geometry_id, Life
     : scene_(rtcNewScene(SharedDevice())) {
   MAPP_CHECK(scene_ != nullptr);
   // Without this, rays slip through the seams of surfaces that share an edge.
-  rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST);
+  rtcSetSceneFlags(scene_, RTC_SCENE_FLAG_ROBUST | RTC_SCENE_FLAG_CONTEXT_FILTER_FUNCTION);
   rtcSetSceneBuildQuality(scene_, lifetime == Lifetime::kLong ? RTC_BUILD_QUALITY_HIGH : RTC_BUILD_QUALITY_LOW);
   if (!quads.empty()) {
     RTCGeometry geometry = rtcNewGeometry(SharedDevice(), RTC_GEOMETRY_TYPE_QUAD);
     MAPP_CHECK(geometry != nullptr);
     FillBuffers(quads, geometry);
-    rtcSetGeometryIntersectFilterFunction(geometry, RejectBacks);
-    rtcSetGeometryOccludedFilterFunction(geometry, RejectBacks);
     rtcCommitGeometry(geometry);
     rtcAttachGeometryByID(scene_, geometry, geometry_id);
     rtcReleaseGeometry(geometry);
@@ -77,5 +61,19 @@ EmbreeScene::EmbreeScene(std::span<const Quad> quads, uint32_t geometry_id, Life
 }
 
 EmbreeScene::~EmbreeScene() { rtcReleaseScene(scene_); }
+
+void EmbreeScene::RejectBacks(const RTCFilterFunctionNArguments* arguments) {
+  // Embree's normal is ours, edge_v x edge_u, by the order of the vertices.
+  RTCRayN* ray = arguments->ray;
+  RTCHitN* hit = arguments->hit;
+  const unsigned int n = arguments->N;
+  for (unsigned int i = 0; i < n; ++i) {
+    if (arguments->valid[i] == 0) continue;
+    const float along_normal = RTCRayN_dir_x(ray, n, i) * RTCHitN_Ng_x(hit, n, i) +
+                               RTCRayN_dir_y(ray, n, i) * RTCHitN_Ng_y(hit, n, i) +
+                               RTCRayN_dir_z(ray, n, i) * RTCHitN_Ng_z(hit, n, i);
+    if (!(along_normal < 0)) arguments->valid[i] = 0;
+  }
+}
 
 }  // namespace mapp::sim

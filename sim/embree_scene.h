@@ -6,12 +6,14 @@
 #include <cstdint>
 #include <span>
 
+struct RTCFilterFunctionNArguments;
 struct RTCSceneTy;
 
 namespace mapp::sim {
 
-/// Rectangles in an acceleration structure of Embree. Rays meet fronts only and pass through backs. A hit's primID is
-/// the index in `quads`, its geomID the `geometry_id` given. Immutable, thread-safe; the quads need not outlive it.
+/// Rectangles in an acceleration structure of Embree. A hit's primID is the index in `quads`, its geomID the
+/// `geometry_id` given. Which sides are met is the business of the query's filter, as set in its RTCIntersectContext.
+/// Immutable, thread-safe; the quads need not outlive it.
 class EmbreeScene {
  public:
   /// For how long the structure is used: one built for a single frame is built faster and traced slower.
@@ -21,6 +23,9 @@ class EmbreeScene {
   ~EmbreeScene();
   EmbreeScene(const EmbreeScene&) = delete;
   EmbreeScene& operator=(const EmbreeScene&) = delete;
+
+  /// Filter with which rays meet fronts only and pass through backs.
+  static void RejectBacks(const RTCFilterFunctionNArguments* arguments);
 
   RTCSceneTy* handle() const { return scene_; }
 

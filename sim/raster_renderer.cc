@@ -40,7 +40,7 @@ struct Affine {
 
 /// A rectangle as one camera sees it. x and y count samples from the centre of the top left one.
 struct ScreenQuad {
-  uint16_t quad_idx = 0;
+  const Texture* texture = nullptr;
   Affine inverse_depth;
   Affine u_over_z;
   Affine v_over_z;
@@ -69,7 +69,7 @@ class FrameProjection {
       : camera_(camera), T_camera_world_(T_world_camera.Inverse()) {}
 
   /// Nullopt for a rectangle that shows its back or lies behind the camera.
-  std::optional<ScreenQuad> Project(const Quad& quad, uint16_t quad_idx) const {
+  std::optional<ScreenQuad> Project(const Quad& quad) const {
     const Eigen::Vector3d corner = T_camera_world_ * quad.corner_world;
     const Eigen::Vector3d edge_u = T_camera_world_.rotation() * quad.edge_u_world;
     const Eigen::Vector3d edge_v = T_camera_world_.rotation() * quad.edge_v_world;
@@ -80,7 +80,7 @@ class FrameProjection {
     const auto clipped = ClipToNearPlane({corner, corner + edge_u, corner + edge_u + edge_v, corner + edge_v});
     if (clipped.size() < 3) return std::nullopt;
     ScreenQuad screen;
-    screen.quad_idx = quad_idx;
+    screen.texture = quad.texture.get();
     for (const Eigen::Vector3d& p_camera : clipped) screen.outline.push_back(ToSamples(camera_.Project(p_camera)));
     const auto [lowest, highest] =
         std::minmax_element(screen.outline.begin(), screen.outline.end(),
@@ -129,9 +129,8 @@ std::pair<double, double> CrossRow(const std::vector<Eigen::Vector2d>& outline, 
 /// Draws bands of rows of one frame; one object a thread.
 class BandPainter {
  public:
-  BandPainter(const Scene& scene, const std::vector<ScreenQuad>& visible, RenderedFrame& frame)
-      : scene_(scene),
-        visible_(visible),
+  BandPainter(const std::vector<ScreenQuad>& visible, RenderedFrame& frame)
+      : visible_(visible),
         frame_(frame),
         samples_per_row_(frame.gray.width * kSamplesPerEdge),
         inverse_depth_(static_cast<size_t>(samples_per_row_ * kBandRows * kSamplesPerEdge)),
@@ -221,7 +220,7 @@ class BandPainter {
   float Level(uint16_t visible_idx, double x, double y, float extent) const {
     if (visible_idx == kNothing) return 0;
     const ScreenQuad& screen = visible_[visible_idx];
-    const Texture& texture = *scene_.quads[screen.quad_idx].texture;
+    const Texture& texture = *screen.texture;
     const auto z = static_cast<float>(1.0 / screen.inverse_depth(x, y));
     const float u = static_cast<float>(screen.u_over_z(x, y)) * z;
     const float v = static_cast<float>(screen.v_over_z(x, y)) * z;
@@ -237,7 +236,6 @@ class BandPainter {
     return texture.Sample(u, v, extent * std::max(area_edge, longest / kMaxAnisotropy));
   }
 
-  const Scene& scene_;
   const std::vector<ScreenQuad>& visible_;
   RenderedFrame& frame_;
   const int samples_per_row_;
@@ -249,10 +247,11 @@ class RasterRenderer final : public Renderer {
  public:
   RasterRenderer(std::shared_ptr<const Scene> scene, int num_threads)
       : scene_(std::move(scene)), num_threads_(std::max(num_threads, 1)) {
-    MAPP_CHECK(scene_ != nullptr && scene_->quads.size() < kNothing);
+    MAPP_CHECK(scene_ != nullptr);
   }
 
-  StatusOr<RenderedFrame> Render(const Camera& camera, const Pose3& T_world_camera) const override {
+  StatusOr<RenderedFrame> Render(const Camera& camera, const Pose3& T_world_camera,
+                                 std::span<const Quad> moving_quads) const override {
     MAPP_RETURN_IF_ERROR(camera.Validate());
     const auto* pinhole = std::get_if<PinholeCamera>(&camera.projection);
     if (pinhole == nullptr) {
@@ -261,11 +260,12 @@ class RasterRenderer final : public Renderer {
     }
     const FrameProjection projection(*pinhole, T_world_camera);
     std::vector<ScreenQuad> visible;
-    for (size_t i = 0; i < scene_->quads.size(); ++i) {
-      if (auto screen = projection.Project(scene_->quads[i], static_cast<uint16_t>(i))) {
-        visible.push_back(std::move(*screen));
+    for (const std::span<const Quad> quads : {std::span<const Quad>(scene_->quads), moving_quads}) {
+      for (const Quad& quad : quads) {
+        if (auto screen = projection.Project(quad)) visible.push_back(std::move(*screen));
       }
     }
+    MAPP_CHECK(visible.size() < kNothing);
     RenderedFrame frame{GrayImage(camera.width_px, camera.height_px), DepthImage(camera.width_px, camera.height_px)};
     DrawBands(visible, frame);
     return frame;
@@ -275,7 +275,7 @@ class RasterRenderer final : public Renderer {
   void DrawBands(const std::vector<ScreenQuad>& visible, RenderedFrame& frame) const {
     std::atomic<int> next_row{0};
     const auto draw = [&] {
-      BandPainter painter(*scene_, visible, frame);
+      BandPainter painter(visible, frame);
       for (int row = next_row.fetch_add(kBandRows); row < frame.gray.height; row = next_row.fetch_add(kBandRows)) {
         painter.Draw(row);
       }

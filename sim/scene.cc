@@ -9,14 +9,6 @@
 namespace mapp::sim {
 namespace {
 
-double Brightness(const Lamp& lamp, const Eigen::Vector3d& p_world, const Eigen::Vector3d& normal_world) {
-  const Eigen::Vector3d to_lamp = lamp.p_world - p_world;
-  const double distance_m = std::max(to_lamp.norm(), 1.0);
-  const double lambert = std::max(normal_world.dot(to_lamp) / distance_m, 0.0);
-  const double falloff = 1.0 / (1.0 + (distance_m / lamp.reach_m) * (distance_m / lamp.reach_m));
-  return lamp.ambient + lamp.strength * lambert * falloff;
-}
-
 void BakeLight(const Lamp& lamp, const Eigen::Vector3d& corner_world, const Eigen::Vector3d& edge_u_world,
                const Eigen::Vector3d& edge_v_world, GrayImage& image) {
   const Eigen::Vector3d normal_world = edge_v_world.cross(edge_u_world).normalized();
@@ -24,13 +16,22 @@ void BakeLight(const Lamp& lamp, const Eigen::Vector3d& corner_world, const Eige
     const Eigen::Vector3d row_world = corner_world + edge_v_world * ((y + 0.5) / image.height);
     for (int x = 0; x < image.width; ++x) {
       const Eigen::Vector3d p_world = row_world + edge_u_world * ((x + 0.5) / image.width);
-      const double level = image.at(x, y) * Brightness(lamp, p_world, normal_world);
+      const double level = image.at(x, y) * (lamp.ambient + UnshadowedLight(lamp.strength, lamp.reach_m,
+                                                                            lamp.p_world - p_world, normal_world));
       image.at(x, y) = static_cast<uint8_t>(std::lround(std::clamp(level, 0.0, 255.0)));
     }
   }
 }
 
 }  // namespace
+
+double UnshadowedLight(double strength, double reach_m, const Eigen::Vector3d& to_light_world,
+                       const Eigen::Vector3d& normal_world) {
+  const double distance_m = std::max(to_light_world.norm(), 1.0);
+  const double lambert = std::max(normal_world.dot(to_light_world) / distance_m, 0.0);
+  const double falloff = 1.0 / (1.0 + (distance_m / reach_m) * (distance_m / reach_m));
+  return strength * lambert * falloff;
+}
 
 void AddQuad(const Eigen::Vector3d& corner_world, const Eigen::Vector3d& edge_u_world,
              const Eigen::Vector3d& edge_v_world, const Painter& paint, const Lamp& lamp, Scene& scene) {

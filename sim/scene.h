@@ -19,7 +19,7 @@ struct TextureWindow {
 };
 
 /// How bright a surface is lit: factors on a grid of `columns` x `rows` nodes, the outer ones on the surface's border,
-/// row-major, blended linearly. Empty: 1 everywhere.
+/// row-major, blended linearly; at least 2 x 2. Empty: 1 everywhere.
 struct LightGrid {
   int columns = 0;
   int rows = 0;
@@ -57,6 +57,11 @@ struct Lamp {
   double strength = 0.75;  ///< at 1 m and below, facing the lamp
   double reach_m = 4.0;    ///< where its light has fallen to half
 };
+
+/// What a light of that strength and reach adds to the brightness of a point, `to_light_world` away from it (metres),
+/// on a surface of that unit normal: Lambert's law, as strong as at 1 m when nearer, half as strong at `reach_m`.
+double UnshadowedLight(double strength, double reach_m, const Eigen::Vector3d& to_light_world,
+                       const Eigen::Vector3d& normal_world);
 
 /// Adds a rectangle; see Quad for the frame of its corner and edges.
 void AddQuad(const Eigen::Vector3d& corner_world, const Eigen::Vector3d& edge_u_world,

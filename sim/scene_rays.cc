@@ -58,6 +58,7 @@ bool SceneRays::Occluded(const Eigen::Vector3d& p_from_world, const Eigen::Vecto
   const Eigen::Vector3f origin = p_from_world.cast<float>();
   RTCIntersectContext context;
   rtcInitIntersectContext(&context);
+  context.filter = EmbreeScene::RejectBacks;
   RTCRay ray{};
   ray.org_x = origin.x();
   ray.org_y = origin.y();

@@ -3,7 +3,7 @@
 #include "mapp/base/check.h"
 
 #include <algorithm>
-#include <bit>
+#include <cmath>
 #include <cstdint>
 #include <utility>
 
@@ -26,25 +26,39 @@ GrayImage Halve(const GrayImage& image) {
   return half;
 }
 
-/// log2, linear between powers of two: at most 0.09 off, unseen in a blend of mip levels. x > 0.
-float FastLog2(float x) {
-  const auto bits = std::bit_cast<uint32_t>(x);
-  const float mantissa = std::bit_cast<float>((bits & 0x007fffffU) | 0x3f800000U);
-  return static_cast<float>(static_cast<int>(bits >> 23) - 128) + mantissa;
+/// Two neighbouring texels along one axis, and how far the sample lies towards the second.
+struct Neighbours {
+  size_t first = 0;
+  size_t second = 0;
+  float weight = 0;
+};
+
+Neighbours Clamped(float coordinate, int size) {
+  const float texel = std::clamp(coordinate * static_cast<float>(size) - 0.5F, 0.0F, static_cast<float>(size - 1));
+  const int first = static_cast<int>(texel);
+  return {static_cast<size_t>(first), static_cast<size_t>(std::min(first + 1, size - 1)),
+          texel - static_cast<float>(first)};
 }
 
-float Bilinear(const GrayImage& image, float u, float v) {
-  const float x = std::clamp(u * static_cast<float>(image.width) - 0.5F, 0.0F, static_cast<float>(image.width - 1));
-  const float y = std::clamp(v * static_cast<float>(image.height) - 0.5F, 0.0F, static_cast<float>(image.height - 1));
-  const int x0 = static_cast<int>(x);
-  const int y0 = static_cast<int>(y);
-  const int x1 = std::min(x0 + 1, image.width - 1);
-  const int y1 = std::min(y0 + 1, image.height - 1);
-  const float wx = x - static_cast<float>(x0);
-  const float wy = y - static_cast<float>(y0);
-  const float top = static_cast<float>(image.at(x0, y0)) * (1 - wx) + static_cast<float>(image.at(x1, y0)) * wx;
-  const float bottom = static_cast<float>(image.at(x0, y1)) * (1 - wx) + static_cast<float>(image.at(x1, y1)) * wx;
-  return top * (1 - wy) + bottom * wy;
+Neighbours Repeated(float coordinate, int size) {
+  const float shifted = (coordinate - std::floor(coordinate)) * static_cast<float>(size) + 0.5F;
+  const int second = static_cast<int>(shifted);  // in [0, size]
+  return {static_cast<size_t>(second == 0 ? size - 1 : second - 1), static_cast<size_t>(second < size ? second : 0),
+          shifted - static_cast<float>(second)};
+}
+
+float Blend(const GrayImage& image, const Neighbours& x, const Neighbours& y) {
+  const uint8_t* top = image.pixels.data() + y.first * static_cast<size_t>(image.width);
+  const uint8_t* bottom = image.pixels.data() + y.second * static_cast<size_t>(image.width);
+  const auto at = [](const uint8_t* row, size_t column) { return static_cast<float>(row[column]); };
+  const float above = at(top, x.first) + (at(top, x.second) - at(top, x.first)) * x.weight;
+  const float below = at(bottom, x.first) + (at(bottom, x.second) - at(bottom, x.first)) * x.weight;
+  return above + (below - above) * y.weight;
+}
+
+float Bilinear(const GrayImage& image, float u, float v, Texture::Beyond beyond) {
+  return beyond == Texture::Beyond::kClamp ? Blend(image, Clamped(u, image.width), Clamped(v, image.height))
+                                           : Blend(image, Repeated(u, image.width), Repeated(v, image.height));
 }
 
 }  // namespace
@@ -56,13 +70,16 @@ Texture::Texture(GrayImage image) {
 }
 
 float Texture::Sample(float u, float v, float footprint_texels) const {
-  const float last = static_cast<float>(levels_.size() - 1);
-  const float level = std::clamp(FastLog2(std::max(footprint_texels, 1.0F)), 0.0F, last);
-  const auto fine = static_cast<size_t>(level);
-  const float blend = level - static_cast<float>(fine);
-  const float fine_value = Bilinear(levels_[fine], u, v);
+  return SampleLevel(u, v, FastLog2(std::max(footprint_texels, 1.0F)), Beyond::kClamp);
+}
+
+float Texture::SampleLevel(float u, float v, float level, Beyond beyond) const {
+  const float clamped = std::clamp(level, 0.0F, static_cast<float>(levels_.size() - 1));
+  const auto fine = static_cast<size_t>(clamped);
+  const float blend = clamped - static_cast<float>(fine);
+  const float fine_value = Bilinear(levels_[fine], u, v, beyond);
   if (blend <= 0) return fine_value;
-  return fine_value * (1 - blend) + Bilinear(levels_[fine + 1], u, v) * blend;
+  return fine_value + (Bilinear(levels_[fine + 1], u, v, beyond) - fine_value) * blend;
 }
 
 }  // namespace mapp::sim

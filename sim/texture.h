@@ -2,6 +2,8 @@
 
 #include "mapp/image/image.h"
 
+#include <bit>
+#include <cstdint>
 #include <vector>
 
 namespace mapp::sim {
@@ -18,6 +20,18 @@ class Texture {
   /// Gray level at (u, v) in [0, 1]^2, (0, 0) being the outer corner of the first texel; blends linearly between texels
   /// and between mip levels. `footprint_texels` is the edge of what one sample covers, in texels of level 0.
   float Sample(float u, float v, float footprint_texels) const;
+
+  /// What lies beyond [0, 1]: the border's texels, or the picture again.
+  enum class Beyond : uint8_t { kClamp, kRepeat };
+  /// The same at a mip level, 0 being the finest; fractions blend, and a level out of range is the nearest one.
+  float SampleLevel(float u, float v, float level, Beyond beyond) const;
+
+  /// log2, linear between powers of two: at most 0.09 off, unseen in a blend of mip levels. x > 0.
+  static float FastLog2(float x) {
+    const auto bits = std::bit_cast<uint32_t>(x);
+    const float mantissa = std::bit_cast<float>((bits & 0x007fffffU) | 0x3f800000U);
+    return static_cast<float>(static_cast<int>(bits >> 23) - 128) + mantissa;
+  }
 
  private:
   std::vector<GrayImage> levels_;

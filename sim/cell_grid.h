@@ -1,0 +1,53 @@
+#pragma once
+
+#include "sim/quad_view.h"
+#include "sim/ray_table.h"
+
+#include <atomic>
+#include <cstdint>
+#include <vector>
+
+namespace mapp::sim {
+
+/// An image divided into cells of 4 x 4 pixels, and what is known of each: the views that its corners see, and whether
+/// an edge of another surface stands in front of what they see. A cell whose corners all see one view, with no edge in
+/// front, shows nothing else: a surface that covers none of the corners would show an edge.
+class CellGrid {
+ public:
+  static constexpr int kCell_px = 4;
+
+  explicit CellGrid(const RayTable& rays);
+
+  int columns() const { return columns_; }
+  int rows() const { return rows_; }
+  /// Pixel at which cell column or row `i` starts; also valid one past the last.
+  int FirstX(int i) const { return std::min(i * kCell_px, rays_.width()); }
+  int FirstY(int i) const { return std::min(i * kCell_px, rays_.height()); }
+
+  /// The views that the cells' corners see on one line of corners, `line` in [0, rows()]: columns() + 1 of them.
+  int32_t* CornerViews(int line) { return &corner_views_[static_cast<size_t>(line) * stride_]; }
+  const int32_t* CornerViews(int line) const { return &corner_views_[static_cast<size_t>(line) * stride_]; }
+
+  /// Marks the cells where an edge of `views[view_idx]` stands in front of the one view that their corners see. May be
+  /// called by several threads for different views once all corners are filled.
+  void MarkEdges(const std::vector<QuadView>& views, int32_t view_idx);
+
+  /// Whether the cell shows nothing but what its top left corner sees.
+  bool IsPlain(int column, int row) const;
+
+ private:
+  void MarkEdge(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector3d& from_camera,
+                const Eigen::Vector3d& to_camera);
+  void MarkAround(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector2d& normalized,
+                  double inverse_depth);
+  bool CornersAgree(int column, int row) const;
+
+  const RayTable& rays_;
+  const int columns_;
+  const int rows_;
+  const size_t stride_;
+  std::vector<int32_t> corner_views_;
+  std::vector<std::atomic<uint8_t>> edge_in_front_;  ///< by cell, row-major
+};
+
+}  // namespace mapp::sim

@@ -1,0 +1,86 @@
+#pragma once
+
+#include "mapp/geometry/pose3.h"
+#include "sim/ray_table.h"
+#include "sim/scene.h"
+
+#include <Eigen/Core>
+
+#include <array>
+#include <optional>
+
+namespace mapp::sim {
+
+/// A rectangle as one camera sees it. With the ray d = (x, y, 1), inverse depth 1/z, u/z and v/z are linear in d (Blinn
+/// 1992, "Hyperbolic interpolation"), so that depth and texture coordinates are exact and cheap for any ray.
+struct QuadView {
+  const Quad* quad = nullptr;
+  std::array<Eigen::Vector3d, 4> outline_camera;
+  Eigen::Vector3d inverse_depth;  ///< 1/z = inverse_depth . d
+  Eigen::Vector3d u_over_z;       ///< u in [0, 1] on the surface
+  Eigen::Vector3d v_over_z;
+
+  double InverseDepth(double x, double y) const {
+    return inverse_depth.x() * x + inverse_depth.y() * y + inverse_depth.z();
+  }
+};
+
+/// Finds the rectangles that a camera may see.
+class ViewFinder {
+ public:
+  ViewFinder(const Eigen::AlignedBox2f& ray_bounds, const Pose3& T_world_camera);
+
+  /// Nullopt for a rectangle that shows its back or lies outside the field of view.
+  std::optional<QuadView> Find(const Quad& quad) const;
+
+ private:
+  const Pose3 T_camera_world_;
+  const Eigen::Matrix3d R_camera_world_;
+  const Eigen::Vector3d p_world_;                ///< of the camera
+  std::array<Eigen::Vector3d, 5> inward_world_;  ///< unit normals of the field of view's sides
+};
+
+/// Nearest depth that is drawn, metres.
+inline constexpr double kNearest_m = 0.02;
+
+/// The appearance of a rectangle around one ray: gray levels by trilinear texture lookups, and depth.
+class SurfacePatch {
+ public:
+  SurfacePatch() = default;
+  /// Around `ray`, which must meet the rectangle's plane in front of the camera. `ray_per_x` and `ray_per_y`: how the
+  /// ray changes from a pixel to the next.
+  SurfacePatch(const QuadView& view, const Eigen::Vector2f& ray, const Eigen::Vector2f& ray_per_x,
+               const Eigen::Vector2f& ray_per_y);
+
+  struct Look {
+    float gray = 0;
+    float depth_m = 0;
+  };
+  /// What a nearby ray sees.
+  Look At(const Eigen::Vector2f& ray) const;
+  float DepthAt(const Eigen::Vector2f& ray) const { return 1.0F / InverseDepth(ray - ray_); }
+  const Eigen::Vector3f& tint_rgb() const { return quad_->tint_rgb; }
+
+ private:
+  float InverseDepth(const Eigen::Vector2f& off) const {
+    return inverse_depth_ + inverse_depth_slope_.x() * off.x() + inverse_depth_slope_.y() * off.y();
+  }
+  float Brightness(float u, float v) const;
+
+  const Quad* quad_ = nullptr;
+  Eigen::Vector2f ray_;
+  float inverse_depth_ = 0;
+  float u_over_z_ = 0;
+  float v_over_z_ = 0;
+  float depth_m_ = 0;
+  Eigen::Vector2f inverse_depth_slope_;
+  Eigen::Vector2f u_slope_;
+  Eigen::Vector2f v_slope_;
+  float level_ = 0;            ///< mip level at `ray_`
+  float level_per_log2z_ = 0;  ///< how it grows with depth
+  int num_taps_ = 1;
+  Eigen::Vector2f tap_uv_ = Eigen::Vector2f::Zero();  ///< step from one lookup to the next, in the texture
+  Texture::Beyond beyond_ = Texture::Beyond::kClamp;
+};
+
+}  // namespace mapp::sim
