@@ -35,6 +35,10 @@ struct SimulationOptions {
   std::string textures_folder;
   /// TUM, T_world_camera: users fly these, in turn, instead of ways of their own; times count from the visit's start.
   std::vector<std::string> trajectory_files;
+  double max_duration_s = 0;  ///< given trajectories are cut after so long; 0: they are not
+  /// So many different ways; user k walks that of user k mod num_routes again, in his own time and manner. 0: everybody
+  /// has his own.
+  int num_routes = 0;
 };
 
 /// A world and who visits it. User k comes an hour after user k - 1 (or more hours, where visits take longer), so

@@ -50,17 +50,30 @@ Status CheckOptions(const SimulationOptions& options) {
     return absl::InvalidArgumentError(
         fmt::format("rate_hz: must be 0 or in [0.1, {}], got {}", kMaxRateHz, options.rate_hz));
   }
+  if (options.num_routes < 0 || options.num_routes > options.num_users) {
+    return absl::InvalidArgumentError(fmt::format("num_routes: must be in [0, {}], the number of users, got {}",
+                                                  options.num_users, options.num_routes));
+  }
+  if (!(options.max_duration_s >= 0)) {
+    return absl::InvalidArgumentError(
+        fmt::format("max_duration_s: must be at least 0, got {}", options.max_duration_s));
+  }
   for (const std::string& camera : options.cameras) {
     MAPP_RETURN_IF_ERROR(MakeRig(camera, options.sensor).status());
   }
   return absl::OkStatus();
 }
 
-StatusOr<std::vector<StampedPose>> ReadTrajectory(const std::string& file) {
+StatusOr<std::vector<StampedPose>> ReadTrajectory(const std::string& file, double max_duration_s) {
   MAPP_ASSIGN_OR_RETURN(std::vector<StampedPose> poses, ReadTumTrajectory(file));
   MAPP_RETURN_IF_ERROR(Annotate(MotionSpline::Through(poses).status(), file));
   const int64_t first_ns = poses.front().stamp_ns;
   for (StampedPose& pose : poses) pose.stamp_ns -= first_ns;
+  if (max_duration_s > 0) {
+    std::erase_if(poses,
+                  [&](const StampedPose& pose) { return static_cast<double>(pose.stamp_ns) * 1e-9 > max_duration_s; });
+    MAPP_RETURN_IF_ERROR(Annotate(MotionSpline::Through(poses).status(), file));
+  }
   return poses;
 }
 
@@ -125,7 +138,7 @@ StatusOr<VisitPlan> MakeVisitPlan(const SimulationOptions& options) {
   MAPP_RETURN_IF_ERROR(CheckOptions(options));
   VisitPlan plan;
   for (const std::string& file : options.trajectory_files) {
-    MAPP_ASSIGN_OR_RETURN(plan.trajectories.emplace_back(), ReadTrajectory(file));
+    MAPP_ASSIGN_OR_RETURN(plan.trajectories.emplace_back(), ReadTrajectory(file, options.max_duration_s));
     plan.longest_ns = std::max(plan.longest_ns, plan.trajectories.back().back().stamp_ns);
   }
   if (plan.trajectories.empty()) {
@@ -159,7 +172,8 @@ StatusOr<std::vector<Visit>> PlanVisits(const World& world, const SimulationOpti
     }
     const uint64_t gait_seed = SeedOf(options.seed, Purpose::kGait, user);
     const Gait gait = IsFlown(options.setting) ? FlyingGait(gait_seed) : WalkingGait(gait_seed);
-    const auto poses = MoveAlong(world.routes, walks[idx], options.path_m, gait, start_ns,
+    const size_t route = options.num_routes > 0 ? idx % static_cast<size_t>(options.num_routes) : idx;
+    const auto poses = MoveAlong(world.routes, walks[route], options.path_m, gait, start_ns,
                                  SeedOf(options.seed, Purpose::kMotion, user));
     const double rate_hz = options.rate_hz > 0 ? options.rate_hz : rig.rate_hz;
     MAPP_ASSIGN_OR_RETURN(visits.emplace_back(), MakeVisit(poses, rate_hz, user, std::move(rig), options.seed));

@@ -142,6 +142,23 @@ std::vector<StampedPose> Flight() {
   return poses;
 }
 
+TEST(VisitPlanTest, WaysAreWalkedAgainInAnotherManner) {
+  SimulationOptions options = Options(4);
+  options.num_routes = 2;
+  const std::vector<Visit> visits = Plan(options);
+  const RouteGraph ways = test::StreetWorld().routes;
+  double apart_m = 0;
+  for (size_t i = 0; i < visits[0].poses.size(); i += 20) {
+    double nearest_m = 1e9;
+    for (const StampedPose& again : visits[2].poses) {
+      nearest_m = std::min(nearest_m, Distance(visits[0].poses[i].T_world_camera, again.T_world_camera));
+    }
+    EXPECT_LT(nearest_m, 2 * ways.clearance_m + 0.5) << "frame " << i;
+    apart_m = std::max(apart_m, nearest_m);
+  }
+  EXPECT_GT(apart_m, 0.05) << "the same motion twice would be the same images twice";
+}
+
 TEST(VisitPlanTest, GivenTrajectoriesAreFlownAsTheyAre) {
   const mapp::test::TempFolder folder;
   ASSERT_TRUE(WriteTumTrajectory(folder.File("flight.txt"), Flight()).ok());
@@ -157,6 +174,11 @@ TEST(VisitPlanTest, GivenTrajectoriesAreFlownAsTheyAre) {
       EXPECT_LT(Distance(visits[k].poses[i].T_world_camera, flight[i].T_world_camera), 1e-5);
     }
   }
+  options.max_duration_s = 1;
+  const auto cut = Plan(options)[0].poses;
+  EXPECT_LE(cut.back().stamp_ns - cut.front().stamp_ns, 1'000'000'000);
+  EXPECT_LT(cut.size(), flight.size());
+  options.max_duration_s = 0;
   options.rate_hz = 40;
   EXPECT_EQ(Plan(options)[0].poses.size(), 2 * flight.size() - 1);
 }
@@ -197,6 +219,9 @@ INSTANTIATE_TEST_SUITE_P(Options, BadOptionTest,
                                          BadOption{"path_m", [](SimulationOptions& o) { o.path_m = 10'001; }},
                                          BadOption{"rate_hz", [](SimulationOptions& o) { o.rate_hz = -1; }},
                                          BadOption{"rate_hz", [](SimulationOptions& o) { o.rate_hz = 1e6; }},
+                                         BadOption{"num_routes", [](SimulationOptions& o) { o.num_routes = 2; }},
+                                         BadOption{"max_duration_s",
+                                                   [](SimulationOptions& o) { o.max_duration_s = -1; }},
                                          BadOption{"camera", [](SimulationOptions& o) { o.cameras = {"d435"}; }}));
 
 TEST(VisitPlanTest, AMissingTrajectoryIsNotFound) {
