@@ -7,7 +7,7 @@
 #include "cli/replay_report.h"
 #include "cli/sequence_source.h"
 #include "datasets/sequence.h"
-#include "eval/trajectory_metrics.h"
+#include "eval/metrics/trajectory_metrics.h"
 #include "mapp/base/process_usage.h"
 #include "text/file_io.h"
 

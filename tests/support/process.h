@@ -9,6 +9,8 @@
 
 namespace mapp {
 
+class ChildProcess;
+
 /// A folder of the test's own under the system's temporary folder, removed with everything in it.
 class TempFolder {
  public:
@@ -23,7 +25,7 @@ class TempFolder {
   std::filesystem::path path_;
 };
 
-/// A child process, killed when this object goes or when the test itself dies. One thread only.
+/// A child process (eval/process) whose output goes to files of the test's. One thread only.
 class Process {
  public:
   /// Starts `command[0]` with its arguments. Standard output and error go to files in `folder`. Aborts the test program
@@ -43,9 +45,7 @@ class Process {
   std::string StandardError() const;
 
  private:
-  int pid_ = -1;
-  int pid_fd_ = -1;
-  std::optional<int> exit_code_;
+  std::unique_ptr<ChildProcess> child_;
   std::filesystem::path output_file_;
   std::filesystem::path error_file_;
 };

@@ -1,5 +1,5 @@
 #include "datasets/sequence.h"
-#include "eval/trajectory_metrics.h"
+#include "eval/metrics/trajectory_metrics.h"
 #include "mapp/client/orb_tracker.h"
 
 #include <gtest/gtest.h>

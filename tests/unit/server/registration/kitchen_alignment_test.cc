@@ -1,4 +1,4 @@
-#include "eval/trajectory_metrics.h"
+#include "eval/metrics/trajectory_metrics.h"
 #include "server/service/optimizer.h"
 #include "server/service/registrar.h"
 #include "tests/unit/server/registration/map_fixture.h"

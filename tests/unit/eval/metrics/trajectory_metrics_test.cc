@@ -1,6 +1,7 @@
-#include "eval/trajectory_metrics.h"
+#include "eval/metrics/trajectory_metrics.h"
 
 #include "mapp/base/rng.h"
+#include "tests/unit/eval/metrics/trajectories.h"
 
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
@@ -13,25 +14,6 @@ namespace {
 constexpr double kTolerance_m = 1e-9;
 
 Pose3 SomePose() { return Pose3(ExpSo3({0.3, -0.5, 1.2}), {4.0, -2.0, 0.5}); }
-
-/// A curve that is no line and no plane figure, 10 Hz.
-std::vector<StampedPose> Curve(size_t num_poses) {
-  std::vector<StampedPose> poses;
-  for (size_t i = 0; i < num_poses; ++i) {
-    const double s = 0.1 * static_cast<double>(i);
-    const Pose3 pose(ExpSo3({0, s, 0}), {std::cos(s), std::sin(2 * s), 0.3 * s});
-    poses.push_back({static_cast<int64_t>(i) * 100'000'000, pose});
-  }
-  return poses;
-}
-
-std::vector<StampedPose> Moved(const Pose3& T_other_world, double scale, std::vector<StampedPose> poses) {
-  for (StampedPose& pose : poses) {
-    const Pose3 scaled(pose.T_world_camera.rotation(), scale * pose.T_world_camera.translation());
-    pose.T_world_camera = T_other_world * scaled;
-  }
-  return poses;
-}
 
 TEST(TrajectoryErrorTest, RigidMotionIsAlignedAway) {
   const auto truth = Curve(40);
@@ -88,17 +70,47 @@ TEST(TrajectoryErrorTest, MeasuresKnownDeviations) {
   ASSERT_TRUE(error.ok()) << error.status();
   EXPECT_NEAR(error->mean_m, 0.175, kTolerance_m);
   EXPECT_NEAR(error->rmse_m, std::sqrt(0.21 / 4), kTolerance_m);
+  EXPECT_NEAR(error->median_m, 0.15, kTolerance_m);
   EXPECT_NEAR(error->max_m, 0.4, kTolerance_m);
+}
+
+TEST(TrajectoryErrorTest, GrowsWithTheNoiseOfThePoses) {
+  // Noise of sigma an axis leaves sigma * sqrt(3) of error, less the 6 degrees of freedom that the alignment takes.
+  const auto truth = Curve(2000);
+  for (const double sigma_m : {0.01, 0.05, 0.2}) {
+    Rng rng(11);
+    const auto error = AbsoluteTrajectoryError(truth, Moved(SomePose(), 1.0, Shaken(truth, sigma_m, rng)), false);
+    ASSERT_TRUE(error.ok()) << error.status();
+    EXPECT_NEAR(error->rmse_m, sigma_m * std::sqrt(3.0), 0.05 * sigma_m);
+  }
+}
+
+TEST(ScaleErrorTest, IsTheShareByWhichLengthsAreOff) {
+  const auto truth = Curve(60);
+  for (const double scale : {0.5, 0.98, 1.0, 1.03, 2.0}) {
+    const auto error = ScaleError(truth, Moved(SomePose(), scale, truth));
+    ASSERT_TRUE(error.ok()) << error.status();
+    EXPECT_NEAR(*error, scale - 1, kTolerance_m);
+  }
+}
+
+TEST(ScaleErrorTest, NoiseAloneIsNoScaleError) {
+  const auto truth = Curve(2000);
+  Rng rng(5);
+  const auto error = ScaleError(truth, Shaken(truth, 0.02, rng));
+  ASSERT_TRUE(error.ok()) << error.status();
+  EXPECT_NEAR(*error, 0, 0.001);
+}
+
+TEST(ScaleErrorTest, ADeviceThatStoodStillHasNone) {
+  EXPECT_EQ(ScaleError(Curve(20), Straight(20, 0)).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(ScaleError(Straight(20, 0), Curve(20)).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
 TEST(TrajectoryErrorTest, AlignmentIsTheLeastSquaresOne) {
   const auto truth = Curve(50);
-  auto estimate = truth;
   Rng rng(7);
-  for (StampedPose& pose : estimate) {
-    const Eigen::Vector3d noise_m(0.05 * rng.Normal(), 0.05 * rng.Normal(), 0.05 * rng.Normal());
-    pose.T_world_camera = Pose3(Eigen::Quaterniond::Identity(), noise_m) * pose.T_world_camera;
-  }
+  const auto estimate = Shaken(truth, 0.05, rng);
   const auto best = AbsoluteTrajectoryError(truth, estimate, false);
   ASSERT_TRUE(best.ok()) << best.status();
   for (int trial = 0; trial < 50; ++trial) {
