@@ -123,8 +123,9 @@ StatusOr<CameraCalibration> ReadCameraCalibration(const std::string& file) {
   }
 }
 
-Status WriteCameraCalibration(const std::string& file, const Camera& camera, double rate_hz,
-                              double depth_units_per_metre) {
+Status WriteCameraCalibration(const std::string& file, const CameraCalibration& calibration, double rate_hz) {
+  const Camera& camera = calibration.camera;
+  const Eigen::Matrix<double, 4, 4, Eigen::RowMajor> T_body_camera = calibration.T_body_camera.Matrix();
   std::vector<double> coefficients = Coefficients(camera.projection);
   coefficients.resize(8, 0.0);
   const std::vector<double> intrinsics(coefficients.begin(), coefficients.begin() + 4);
@@ -135,7 +136,10 @@ Status WriteCameraCalibration(const std::string& file, const Camera& camera, dou
          << fmt::format("camera_model: pinhole\nintrinsics: [{}] # fu, fv, cu, cv [px]\n", fmt::join(intrinsics, ", "))
          << "distortion_model: radial-tangential\n"
          << fmt::format("distortion_coefficients: [{}] # k1, k2, p1, p2\n", fmt::join(distortion, ", "))
-         << fmt::format("depth_scale: {} # depth image units per metre; 0 = no reading\n", depth_units_per_metre);
+         << fmt::format("T_BS:\n  cols: 4\n  rows: 4\n  data: [{}]\n",
+                        fmt::join(T_body_camera.data(), T_body_camera.data() + T_body_camera.size(), ", "))
+         << fmt::format("depth_scale: {} # depth image units per metre; 0 = no reading\n",
+                        calibration.depth_units_per_metre);
   stream.close();
   if (!stream) return absl::ResourceExhaustedError(fmt::format("{}: cannot be written", file));
   return absl::OkStatus();

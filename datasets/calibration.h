@@ -20,7 +20,6 @@ struct CameraCalibration {
 StatusOr<CameraCalibration> ReadCameraCalibration(const std::string& file);
 
 /// Writes a pinhole or radial-tangential camera with the same keys. RESOURCE_EXHAUSTED when it cannot be written.
-Status WriteCameraCalibration(const std::string& file, const Camera& camera, double rate_hz,
-                              double depth_units_per_metre);
+Status WriteCameraCalibration(const std::string& file, const CameraCalibration& calibration, double rate_hz);
 
 }  // namespace mapp

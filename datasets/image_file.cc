@@ -104,6 +104,14 @@ Status WriteGrayImage(const std::string& file, const GrayImage& image) {
   return Encode(file, mat, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
 }
 
+Status WriteColorImage(const std::string& file, const Image<std::array<uint8_t, 3>>& image) {
+  cv::Mat mat(image.height, image.width, CV_8UC3);
+  std::transform(image.pixels.begin(), image.pixels.end(), mat.ptr<cv::Vec3b>(), [](const auto& rgb) {
+    return cv::Vec3b(rgb[2], rgb[1], rgb[0]);  // OpenCV keeps blue first
+  });
+  return Encode(file, mat, {cv::IMWRITE_JPEG_QUALITY, kJpegQuality});
+}
+
 Status WriteDepthImage(const std::string& file, const DepthImage& depth_m, double units_per_metre) {
   cv::Mat mat(depth_m.height, depth_m.width, CV_16UC1);
   std::transform(depth_m.pixels.begin(), depth_m.pixels.end(), mat.ptr<uint16_t>(), [=](float depth) {

@@ -3,6 +3,8 @@
 #include "mapp/base/status.h"
 #include "mapp/image/image.h"
 
+#include <array>
+#include <cstdint>
 #include <string>
 
 namespace mapp {
@@ -17,6 +19,8 @@ StatusOr<DepthImage> ReadDepthImage(const std::string& file, double units_per_me
 
 /// Writes by the name's ending: .png, or .jpg with quality 95. RESOURCE_EXHAUSTED when it cannot be written.
 Status WriteGrayImage(const std::string& file, const GrayImage& image);
+/// The same for red, green and blue.
+Status WriteColorImage(const std::string& file, const Image<std::array<uint8_t, 3>>& image);
 /// Writes a 16-bit PNG, value = round(metres * `units_per_metre`), 0 where that does not fit in 16 bits.
 Status WriteDepthImage(const std::string& file, const DepthImage& depth_m, double units_per_metre);
 

@@ -6,6 +6,7 @@
 #include "sim/sensor_noise.h"
 
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <string>
 #include <vector>
@@ -38,7 +39,9 @@ struct RoomOptions {
 StatusOr<std::unique_ptr<Sequence>> MakeRoomSequence(const RoomOptions& options);
 
 /// Writes the session as a TUM RGB-D folder that OpenSequence() reads; `folder` is created, files in it are
-/// overwritten. RESOURCE_EXHAUSTED naming the file when something cannot be written.
-Status WriteRoomSequence(const std::string& folder, const RoomOptions& options);
+/// overwritten. `progress` as in SequenceWriterOptions. RESOURCE_EXHAUSTED naming the file when something cannot be
+/// written.
+Status WriteRoomSequence(const std::string& folder, const RoomOptions& options,
+                         const std::function<bool(size_t num_written)>& progress = {});
 
 }  // namespace mapp::sim

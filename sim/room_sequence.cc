@@ -1,21 +1,15 @@
-#include "datasets/calibration.h"
-#include "datasets/image_file.h"
 #include "mapp/base/rng.h"
 #include "sim/renderer.h"
 #include "sim/room.h"
+#include "sim/sequence_writer.h"
 
 #include <fmt/format.h>
 
-#include <filesystem>
-#include <fstream>
 #include <utility>
 
 namespace mapp::sim {
 namespace {
 
-namespace fs = std::filesystem;
-
-constexpr double kDepthUnitsPerMetre = 5000;  // the TUM data set's: 0.2 mm, up to 13 m
 constexpr double kRateHz = 15;
 constexpr int kMaxThreads = 256;
 constexpr int kMaxSession = 1'000'000;  // their times follow each other
@@ -69,28 +63,6 @@ Status CheckOptions(const RoomOptions& options) {
   return absl::OkStatus();
 }
 
-/// Writes the list of one kind of image, "time folder/index.ending" a line.
-Status WriteList(const fs::path& folder, const std::string& kind, const std::string& ending, const Sequence& sequence) {
-  const fs::path file = folder / (kind + ".txt");
-  std::ofstream stream(file);
-  stream << "# timestamp filename\n";
-  for (size_t i = 0; i < sequence.num_frames(); ++i) {
-    const int64_t stamp_ns = sequence.stamp_ns(i);
-    stream << fmt::format("{}.{:09d} {}/{:06d}.{}\n", stamp_ns / 1'000'000'000, stamp_ns % 1'000'000'000, kind, i,
-                          ending);
-  }
-  stream.close();
-  if (!stream) return absl::ResourceExhaustedError(fmt::format("{}: cannot be written", file.string()));
-  return absl::OkStatus();
-}
-
-Status MakeFolder(const fs::path& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  if (error) return absl::ResourceExhaustedError(fmt::format("{}: {}", folder.string(), error.message()));
-  return absl::OkStatus();
-}
-
 }  // namespace
 
 Camera RoomCamera() {
@@ -107,22 +79,13 @@ StatusOr<std::unique_ptr<Sequence>> MakeRoomSequence(const RoomOptions& options)
   return std::make_unique<RoomSequence>(std::move(scene), options);
 }
 
-Status WriteRoomSequence(const std::string& folder, const RoomOptions& options) {
+Status WriteRoomSequence(const std::string& folder, const RoomOptions& options,
+                         const std::function<bool(size_t num_written)>& progress) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<Sequence> sequence, MakeRoomSequence(options));
-  const fs::path root(folder);
-  MAPP_RETURN_IF_ERROR(MakeFolder(root / "rgb"));
-  MAPP_RETURN_IF_ERROR(MakeFolder(root / "depth"));
-  MAPP_RETURN_IF_ERROR(
-      WriteCameraCalibration((root / "camera.yaml").string(), sequence->camera(), kRateHz, kDepthUnitsPerMetre));
-  for (size_t i = 0; i < sequence->num_frames(); ++i) {
-    MAPP_ASSIGN_OR_RETURN(const SequenceFrame frame, sequence->Read(i));
-    MAPP_RETURN_IF_ERROR(WriteGrayImage((root / "rgb" / fmt::format("{:06d}.jpg", i)).string(), frame.gray));
-    MAPP_RETURN_IF_ERROR(
-        WriteDepthImage((root / "depth" / fmt::format("{:06d}.png", i)).string(), frame.depth_m, kDepthUnitsPerMetre));
-  }
-  MAPP_RETURN_IF_ERROR(WriteList(root, "rgb", "jpg", *sequence));
-  MAPP_RETURN_IF_ERROR(WriteList(root, "depth", "png", *sequence));
-  return WriteTumTrajectory((root / "groundtruth.txt").string(), sequence->ground_truth());
+  SequenceWriterOptions writer;
+  writer.rate_hz = kRateHz;
+  writer.progress = progress;
+  return WriteSequence(*sequence, folder, writer);
 }
 
 }  // namespace mapp::sim

@@ -80,12 +80,14 @@ TEST(CalibrationTest, WrittenFilesReadBack) {
        {Projection(PinholeCamera{525.25, 524.5, 319.5, 239.5}),
         Projection(RadialTangentialCamera{500, 501, 320, 240, -0.3, 0.1, 1e-4, -2e-5})}) {
     const Camera camera{projection, 640, 480};
-    ASSERT_TRUE(WriteCameraCalibration(file, camera, 15, 5000).ok());
+    const Pose3 T_body_camera(Eigen::Quaterniond(0.5, -0.5, 0.5, -0.5), {0.1, -0.2, 0.3});
+    ASSERT_TRUE(WriteCameraCalibration(file, {camera, T_body_camera, 5000}, 15).ok());
     const auto read = ReadCameraCalibration(file);
     ASSERT_TRUE(read.ok()) << read.status();
     EXPECT_EQ(ModelName(read->camera.projection), ModelName(projection));
     EXPECT_EQ(Coefficients(read->camera.projection), Coefficients(projection));
     EXPECT_EQ(read->camera.width_px, 640);
+    EXPECT_LT((read->T_body_camera.Matrix() - T_body_camera.Matrix()).norm(), 1e-12);
     EXPECT_DOUBLE_EQ(read->depth_units_per_metre, 5000);
   }
 }
