@@ -1,132 +1,11 @@
 #include "sim/paint.h"
 
-#include <opencv2/imgproc.hpp>
+#include "sim/sheet.h"
 
 #include <algorithm>
-#include <cmath>
-#include <numbers>
-#include <string>
-#include <vector>
+#include <utility>
 
 namespace mapp::sim {
-namespace {
-
-/// A picture in the making, in texels; lengths are given in metres.
-class Sheet {
- public:
-  Sheet(const Canvas& canvas, double level, Rng& rng)
-      : canvas_(canvas),
-        rng_(rng),
-        mat_(std::max(Texels(canvas.height_m), 4), std::max(Texels(canvas.width_m), 4), CV_8UC1, cv::Scalar(level)) {}
-
-  double width_m() const { return canvas_.width_m; }
-  double height_m() const { return canvas_.height_m; }
-
-  void Rectangle(double x_m, double y_m, double width_m, double height_m, double level) {
-    const cv::Point corner(Texels(x_m), Texels(y_m));
-    const cv::Point opposite(Texels(x_m + width_m) - 1, Texels(y_m + height_m) - 1);
-    if (opposite.x >= corner.x && opposite.y >= corner.y) cv::rectangle(mat_, corner, opposite, level, cv::FILLED);
-  }
-  void Disc(double x_m, double y_m, double radius_m, double level) {
-    cv::circle(mat_, {Texels(x_m), Texels(y_m)}, std::max(Texels(radius_m), 1), level, cv::FILLED, cv::LINE_AA);
-  }
-  void Line(double x0_m, double y0_m, double x1_m, double y1_m, double width_m, double level) {
-    cv::line(mat_, {Texels(x0_m), Texels(y0_m)}, {Texels(x1_m), Texels(y1_m)}, level, std::max(Texels(width_m), 1),
-             cv::LINE_AA);
-  }
-  /// An irregular polygon of 3 to 7 corners.
-  void Patch(double x_m, double y_m, double radius_m, double level) {
-    std::vector<cv::Point> outline;
-    const auto num_corners = static_cast<int>(3 + rng_.Below(5));
-    const double turn = rng_.Uniform(0, 2 * std::numbers::pi);
-    for (int i = 0; i < num_corners; ++i) {
-      const double angle = turn + 2 * std::numbers::pi * (i + rng_.Uniform(0, 0.7)) / num_corners;
-      const double distance_m = radius_m * rng_.Uniform(0.5, 1.0);
-      outline.emplace_back(Texels(x_m + distance_m * std::cos(angle)), Texels(y_m + distance_m * std::sin(angle)));
-    }
-    cv::fillPoly(mat_, std::vector<std::vector<cv::Point>>{outline}, level, cv::LINE_AA);
-  }
-  /// One line of capitals and digits, `height_m` high, cut at `width_m`.
-  void Text(double x_m, double y_m, double width_m, double height_m, double level) {
-    constexpr int kFontHeight = 21;  // of OpenCV's simplex capitals at scale 1, texels
-    static constexpr char kGlyphs[] = "ABCDEFGHIJKLMNOPQRSTUVWXYZ0123456789  ";
-    const double scale = height_m * canvas_.texels_per_m / kFontHeight;
-    const auto num_glyphs = static_cast<size_t>(std::max(width_m / (0.95 * height_m), 1.0));
-    std::string text;
-    while (text.size() < num_glyphs) text += kGlyphs[rng_.Below(sizeof(kGlyphs) - 1)];
-    cv::putText(mat_, text, {Texels(x_m), Texels(y_m + height_m)}, cv::FONT_HERSHEY_SIMPLEX, scale, level,
-                std::max(static_cast<int>(std::lround(2.2 * scale)), 1), cv::LINE_AA);
-  }
-  /// Lines of text that fill a block.
-  void Paragraph(double x_m, double y_m, double width_m, double height_m, double glyph_m, double level) {
-    for (double line_m = 0; line_m + glyph_m < height_m; line_m += 1.8 * glyph_m) {
-      Text(x_m, y_m + line_m, width_m * rng_.Uniform(0.6, 1.0), glyph_m, level);
-    }
-  }
-  /// Stains: patches whose number falls with the cube of their size, so that every scale has its share (the dead
-  /// leaves model; Lee, Mumford and Huang, IJCV 2001). `per_m2` counts those above 4 mm.
-  void Stains(double per_m2, double contrast) {
-    constexpr double kSmallest_m = 0.004;
-    constexpr double kLargest_m = 0.25;
-    const double ratio2 = (kSmallest_m / kLargest_m) * (kSmallest_m / kLargest_m);
-    for (auto left = std::llround(per_m2 * width_m() * height_m()); left > 0; --left) {
-      const double radius_m = kSmallest_m / std::sqrt(1.0 - rng_.Uniform() * (1.0 - ratio2));
-      const double x_m = rng_.Uniform(0, width_m());
-      const double y_m = rng_.Uniform(0, height_m());
-      const double here = mat_.at<uint8_t>(std::min(Texels(y_m), mat_.rows - 1), std::min(Texels(x_m), mat_.cols - 1));
-      const double sign = rng_.Uniform() < 0.5 ? -1.0 : 1.0;
-      Patch(x_m, y_m, radius_m, std::clamp(here + sign * contrast * rng_.Uniform(0.4, 1.0), 5.0, 250.0));
-    }
-  }
-  /// Adds value noise of all sizes from `coarsest_m` down to single texels, the finer the weaker.
-  void Grain(double coarsest_m, double amplitude) {
-    double cell = std::max(coarsest_m * canvas_.texels_per_m, 1.0);
-    for (; cell >= 1.0; cell /= 2.0, amplitude *= 0.75) {
-      cv::Mat coarse(static_cast<int>(mat_.rows / cell) + 2, static_cast<int>(mat_.cols / cell) + 2, CV_32FC1);
-      for (int row = 0; row < coarse.rows; ++row) {
-        std::generate_n(coarse.ptr<float>(row), coarse.cols,
-                        [&] { return static_cast<float>(rng_.Uniform(-amplitude, amplitude)); });
-      }
-      cv::Mat fine;
-      cv::resize(coarse, fine, mat_.size(), 0, 0, cv::INTER_LINEAR);
-      cv::add(mat_, fine, mat_, cv::noArray(), CV_8U);
-    }
-  }
-  GrayImage Take() const {
-    GrayImage image(mat_.cols, mat_.rows);
-    std::copy_n(mat_.ptr<uint8_t>(), image.pixels.size(), image.pixels.begin());
-    return image;
-  }
-
- private:
-  int Texels(double length_m) const { return static_cast<int>(std::lround(length_m * canvas_.texels_per_m)); }
-
-  const Canvas canvas_;
-  Rng& rng_;
-  cv::Mat mat_;
-};
-
-/// A drawing of discs, patches and lines, as on a poster.
-void Drawing(double x_m, double y_m, double width_m, double height_m, Rng& rng, Sheet& sheet) {
-  const double edge_m = std::min(width_m, height_m);
-  for (int i = 0; i < 14; ++i) {
-    const double radius_m = edge_m * rng.Uniform(0.03, 0.22);
-    const double at_x_m = x_m + rng.Uniform(radius_m, std::max(width_m - radius_m, radius_m));
-    const double at_y_m = y_m + rng.Uniform(radius_m, std::max(height_m - radius_m, radius_m));
-    const double level = rng.Uniform(20, 235);
-    if (rng.Uniform() < 0.4) {
-      sheet.Disc(at_x_m, at_y_m, radius_m, level);
-    } else {
-      sheet.Patch(at_x_m, at_y_m, radius_m, level);
-    }
-    if (rng.Uniform() < 0.4) {
-      sheet.Line(at_x_m, at_y_m, x_m + rng.Uniform(0, width_m), y_m + rng.Uniform(0, height_m), 0.01 * edge_m,
-                 rng.Uniform(20, 235));
-    }
-  }
-}
-
-}  // namespace
 
 GrayImage PaintBricks(const Canvas& canvas, Rng& rng) {
   constexpr double kMortar_m = 0.012;
@@ -142,7 +21,7 @@ GrayImage PaintBricks(const Canvas& canvas, Rng& rng) {
   }
   sheet.Stains(140, 60);
   sheet.Grain(0.4, 11);
-  return sheet.Take();
+  return std::move(sheet).Take();
 }
 
 GrayImage PaintConcrete(const Canvas& canvas, Rng& rng) {
@@ -163,7 +42,7 @@ GrayImage PaintConcrete(const Canvas& canvas, Rng& rng) {
   }
   sheet.Stains(220, 65);
   sheet.Grain(0.6, 10);
-  return sheet.Take();
+  return std::move(sheet).Take();
 }
 
 GrayImage PaintPlates(const Canvas& canvas, Rng& rng) {
@@ -184,7 +63,7 @@ GrayImage PaintPlates(const Canvas& canvas, Rng& rng) {
   }
   sheet.Stains(160, 60);
   sheet.Grain(0.5, 9);
-  return sheet.Take();
+  return std::move(sheet).Take();
 }
 
 GrayImage PaintPlanks(const Canvas& canvas, Rng& rng) {
@@ -212,7 +91,7 @@ GrayImage PaintPlanks(const Canvas& canvas, Rng& rng) {
   }
   sheet.Stains(120, 50);
   sheet.Grain(0.3, 8);
-  return sheet.Take();
+  return std::move(sheet).Take();
 }
 
 GrayImage PaintPoster(const Canvas& canvas, Rng& rng) {
@@ -226,13 +105,13 @@ GrayImage PaintPoster(const Canvas& canvas, Rng& rng) {
   sheet.Text(0.07 * w, 0.06 * h, 0.8 * w, 0.09 * h, ink);
   const double drawing_m = rng.Uniform(0.3, 0.5) * h;
   sheet.Rectangle(0.07 * w, 0.2 * h, 0.86 * w, drawing_m, rng.Uniform(80, 170));
-  Drawing(0.07 * w, 0.2 * h, 0.86 * w, drawing_m, rng, sheet);
+  sheet.Drawing(0.07 * w, 0.2 * h, 0.86 * w, drawing_m);
   const double text_top_m = 0.23 * h + drawing_m;
   for (const double column : {0.07, 0.53}) {
     sheet.Paragraph(column * w, text_top_m, 0.4 * w, 0.93 * h - text_top_m, rng.Uniform(0.018, 0.03) * h, ink);
   }
   sheet.Grain(0.05, 4);
-  return sheet.Take();
+  return std::move(sheet).Take();
 }
 
 GrayImage PaintBooks(const Canvas& canvas, Rng& rng) {
@@ -257,7 +136,7 @@ GrayImage PaintBooks(const Canvas& canvas, Rng& rng) {
     shelf_m = floor_m;
   }
   sheet.Grain(0.05, 5);
-  return sheet.Take();
+  return std::move(sheet).Take();
 }
 
 GrayImage PaintRug(const Canvas& canvas, Rng& rng) {
@@ -269,7 +148,7 @@ GrayImage PaintRug(const Canvas& canvas, Rng& rng) {
                 rng.Uniform(0.02, 0.12), rng.Uniform(40, 220));
   }
   sheet.Grain(0.1, 7);
-  return sheet.Take();
+  return std::move(sheet).Take();
 }
 
 GrayImage PaintCarton(const Canvas& canvas, Rng& rng) {
@@ -283,11 +162,11 @@ GrayImage PaintCarton(const Canvas& canvas, Rng& rng) {
   const double label_y_m = rng.Uniform(0.35, 0.55) * h;
   sheet.Rectangle(label_x_m, label_y_m, 0.42 * w, 0.35 * h, 235);
   sheet.Paragraph(label_x_m + 0.03 * w, label_y_m + 0.04 * h, 0.36 * w, 0.3 * h, std::max(0.035 * h, 0.008), 25);
-  Drawing(rng.Uniform(0.05, 0.5) * w, 0.7 * h, 0.4 * w, 0.28 * h, rng, sheet);
+  sheet.Drawing(rng.Uniform(0.05, 0.5) * w, 0.7 * h, 0.4 * w, 0.28 * h);
   sheet.Line(0, 0, w, 0, 0.01, 40);
   sheet.Line(0, 0, 0, h, 0.01, 40);
   sheet.Grain(0.1, 7);
-  return sheet.Take();
+  return std::move(sheet).Take();
 }
 
 }  // namespace mapp::sim
