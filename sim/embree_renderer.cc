@@ -21,6 +21,7 @@ namespace mapp::sim {
 namespace {
 
 constexpr int kCell_px = CellGrid::kCell_px;
+static_assert(kCell_px <= SurfacePatch::kMaxRays);
 
 /// The appearance of the few views seen within a cell.
 class CellPatches {
@@ -97,10 +98,14 @@ class Drawing {
   void DrawPlain(const Cell& cell, int32_t view, CellPatches& patches) {
     if (view == kNoView) return DrawSky(cell);
     const SurfacePatch& patch = patches.Of(view, rays_.Center((cell.x0 + cell.x1) / 2, (cell.y0 + cell.y1) / 2));
+    const int width = cell.x1 - cell.x0;
+    std::array<float, kCell_px> gray;
+    std::array<float, kCell_px> depth_m;
     for (int y = cell.y0; y < cell.y1; ++y) {
-      for (int x = cell.x0; x < cell.x1; ++x) {
-        const SurfacePatch::Look look = patch.At(rays_.Center(x, y));
-        SetPixel(x, y, look.gray, look.depth_m, look.gray * patch.tint_rgb());
+      patch.LookAt(&rays_.Center(cell.x0, y), width, gray.data(), depth_m.data());
+      for (int i = 0; i < width; ++i) {
+        const auto at = static_cast<size_t>(i);
+        SetPixel(cell.x0 + i, y, gray[at], depth_m[at], gray[at] * patch.tint_rgb());
       }
     }
   }
@@ -178,7 +183,7 @@ class Drawing {
         continue;
       }
       const SurfacePatch& patch = patches.Of(view, pixels.rays[samples[i]]);
-      const float level = weight * patch.At(middle / weight).gray;
+      const float level = weight * patch.GrayAt(middle / weight);
       gray += level;
       color += level * patch.tint_rgb();
     }

@@ -10,7 +10,9 @@ namespace {
 
 /// Surfaces seen at a flat angle are looked up at several places along the pixel's long axis; beyond that many the
 /// picture is blurred.
-constexpr int kMaxTaps = 4;
+constexpr int kMaxTaps = 3;
+/// Each of them may be this much longer than wide: linear blending reaches further than a box.
+constexpr float kStretch = 1.6F;
 /// A mip level is already a box filter; blending two of them over the whole pixel would blur twice.
 constexpr float kSharpness = 0.7F;
 
@@ -62,57 +64,70 @@ std::optional<QuadView> ViewFinder::Find(const Quad& quad) const {
 SurfacePatch::SurfacePatch(const QuadView& view, const Eigen::Vector2f& ray, const Eigen::Vector2f& ray_per_x,
                            const Eigen::Vector2f& ray_per_y)
     : quad_(view.quad),
+      texture_(view.quad->texture.get()),
       ray_(ray),
-      inverse_depth_slope_(view.inverse_depth.head<2>().cast<float>()),
-      u_slope_(view.u_over_z.head<2>().cast<float>()),
-      v_slope_(view.v_over_z.head<2>().cast<float>()),
       beyond_(Repeats(view.quad->window) ? Texture::Beyond::kRepeat : Texture::Beyond::kClamp) {
   // Only differences from here are counted in float: 1e-7 of a coordinate of 100 m would be seen.
   const Eigen::Vector3d d = ray.cast<double>().homogeneous();
-  const double inverse_depth = view.inverse_depth.dot(d);
-  inverse_depth_ = static_cast<float>(inverse_depth);
-  depth_m_ = static_cast<float>(1.0 / inverse_depth);
-  u_over_z_ = static_cast<float>(view.u_over_z.dot(d));
-  v_over_z_ = static_cast<float>(view.v_over_z.dot(d));
-
-  // The pixel's two axes on the texture, in texels, by the quotient rule.
-  const TextureWindow& window = quad_->window;
-  const Texture& texture = *quad_->texture;
-  const Eigen::Vector2f window_size(window.u1 - window.u0, window.v1 - window.v0);
-  const Eigen::Vector2f texels = window_size.cwiseProduct(
-      Eigen::Vector2f(static_cast<float>(texture.width()), static_cast<float>(texture.height())));
-  const Eigen::Vector2f uv = depth_m_ * Eigen::Vector2f(u_over_z_, v_over_z_);
-  const auto on_surface = [&](const Eigen::Vector2f& step) {
-    const Eigen::Vector2f over_z(u_slope_.dot(step), v_slope_.dot(step));
-    return Eigen::Vector2f(depth_m_ * (over_z - uv * inverse_depth_slope_.dot(step)));
+  const auto around = [&](const Eigen::Vector3d& coefficients) {
+    return Linear{static_cast<float>(coefficients.dot(d)), static_cast<float>(coefficients.x()),
+                  static_cast<float>(coefficients.y())};
   };
-  // Singular values and the long axis of the 2 x 2 Jacobian: the footprint's true shape, whichever way it lies.
-  Eigen::Matrix2f J;  // texels per pixel
-  J.col(0) = texels.cwiseProduct(on_surface(ray_per_x));
-  J.col(1) = texels.cwiseProduct(on_surface(ray_per_y));
-  const Eigen::Matrix2f outer = J * J.transpose();
-  const float mean = 0.5F * (outer(0, 0) + outer(1, 1));
-  const float spread = std::hypot(0.5F * (outer(0, 0) - outer(1, 1)), outer(0, 1));
+  const TextureWindow& window = quad_->window;
+  inverse_depth_ = around(view.inverse_depth);
+  u_over_z_ = around(view.u_over_z);
+  v_over_z_ = around(view.v_over_z);
+  texture_u_over_z_ = around(window.u0 * view.inverse_depth + (window.u1 - window.u0) * view.u_over_z);
+  texture_v_over_z_ = around(window.v0 * view.inverse_depth + (window.v1 - window.v0) * view.v_over_z);
+  depth_m_ = 1.0F / inverse_depth_.at_ray;
+  ChooseLookup(ray_per_x, ray_per_y);
+}
+
+void SurfacePatch::ChooseLookup(const Eigen::Vector2f& ray_per_x, const Eigen::Vector2f& ray_per_y) {
+  // The pixel's two axes on the texture, in texels per pixel, by the quotient rule.
+  const Eigen::Vector2f size(static_cast<float>(texture_->width()), static_cast<float>(texture_->height()));
+  const Eigen::Vector2f uv = depth_m_ * Eigen::Vector2f(texture_u_over_z_.at_ray, texture_v_over_z_.at_ray);
+  const auto on_texture = [&](const Eigen::Vector2f& step) {
+    const auto along = [&](const Linear& f) { return f.per_x * step.x() + f.per_y * step.y(); };
+    const Eigen::Vector2f over_z(along(texture_u_over_z_), along(texture_v_over_z_));
+    return Eigen::Vector2f(depth_m_ * (over_z - uv * along(inverse_depth_)).cwiseProduct(size));
+  };
+  // The footprint's true shape, whichever way it lies: singular values and long axis of the Jacobian (x, y).
+  const Eigen::Vector2f x = on_texture(ray_per_x);
+  const Eigen::Vector2f y = on_texture(ray_per_y);
+  const float uu = x.x() * x.x() + y.x() * y.x();
+  const float vv = x.y() * x.y() + y.y() * y.y();
+  const float uv_product = x.x() * x.y() + y.x() * y.y();
+  const float mean = 0.5F * (uu + vv);
+  const float half = 0.5F * (uu - vv);
+  const float spread = std::sqrt(half * half + uv_product * uv_product);
   const float longest = std::sqrt(mean + spread);
   const float shortest = std::sqrt(std::max(mean - spread, 0.0F));
-  num_taps_ = std::clamp(static_cast<int>(longest / std::max(shortest, 1.0F)), 1, kMaxTaps);
-  const float footprint = std::max(shortest, longest / static_cast<float>(num_taps_));
+  num_taps_ = std::clamp(static_cast<int>(longest / (kStretch * std::max(shortest, 1.0F)) + 0.5F), 1, kMaxTaps);
+  const float tap_length = longest / static_cast<float>(num_taps_);
+  const float footprint = std::max(shortest, tap_length / kStretch);
   level_ = Texture::FastLog2(std::max(kSharpness * footprint, 1e-6F));
   // The long axis grows with z^2, the short one with z.
-  level_per_log2z_ = longest > 1.5F * shortest ? 2.0F : 1.0F;
-  if (num_taps_ > 1) {
-    Eigen::Vector2f axis = 0.5F * (outer(0, 0) - outer(1, 1)) > 0
-                               ? Eigen::Vector2f(0.5F * (outer(0, 0) - outer(1, 1)) + spread, outer(0, 1))
-                               : Eigen::Vector2f(outer(0, 1), 0.5F * (outer(1, 1) - outer(0, 0)) + spread);
-    axis *= longest / static_cast<float>(num_taps_) / axis.norm();
-    tap_uv_ =
-        axis.cwiseQuotient(Eigen::Vector2f(static_cast<float>(texture.width()), static_cast<float>(texture.height())));
+  level_per_log2z_ = longest > kStretch * shortest ? 2.0F : 1.0F;
+  if (num_taps_ == 1) return;
+  Eigen::Vector2f axis =
+      half > 0 ? Eigen::Vector2f(half + spread, uv_product) : Eigen::Vector2f(uv_product, spread - half);
+  axis *= tap_length / axis.norm();
+  tap_uv_ = axis.cwiseQuotient(size);
+}
+
+float SurfacePatch::Texel(float u, float v, float level) const {
+  if (num_taps_ == 1) return texture_->SampleLevel(u, v, level, beyond_);
+  float sum = 0;
+  for (int tap = 0; tap < num_taps_; ++tap) {
+    const float steps = static_cast<float>(tap) - 0.5F * static_cast<float>(num_taps_ - 1);
+    sum += texture_->SampleLevel(u + steps * tap_uv_.x(), v + steps * tap_uv_.y(), level, beyond_);
   }
+  return sum / static_cast<float>(num_taps_);
 }
 
 float SurfacePatch::Brightness(float u, float v) const {
   const LightGrid& light = quad_->light;
-  if (light.factors.empty()) return 1;
   const float x = std::clamp(u, 0.0F, 1.0F) * static_cast<float>(light.columns - 1);
   const float y = std::clamp(v, 0.0F, 1.0F) * static_cast<float>(light.rows - 1);
   const int x0 = std::min(static_cast<int>(x), light.columns - 2);
@@ -126,22 +141,26 @@ float SurfacePatch::Brightness(float u, float v) const {
   return above + (below - above) * wy;
 }
 
-SurfacePatch::Look SurfacePatch::At(const Eigen::Vector2f& ray) const {
-  const Eigen::Vector2f off = ray - ray_;
-  const float z = 1.0F / InverseDepth(off);
-  const float u = (u_over_z_ + u_slope_.dot(off)) * z;
-  const float v = (v_over_z_ + v_slope_.dot(off)) * z;
-  const TextureWindow& window = quad_->window;
-  const float texture_u = window.u0 + u * (window.u1 - window.u0);
-  const float texture_v = window.v0 + v * (window.v1 - window.v0);
-  const float level = level_ + level_per_log2z_ * Texture::FastLog2(z * inverse_depth_);
-  float gray = 0;
-  for (int tap = 0; tap < num_taps_; ++tap) {
-    const float steps = static_cast<float>(tap) - 0.5F * static_cast<float>(num_taps_ - 1);
-    gray +=
-        quad_->texture->SampleLevel(texture_u + steps * tap_uv_.x(), texture_v + steps * tap_uv_.y(), level, beyond_);
+void SurfacePatch::LookAt(const Eigen::Vector2f* rays, int count, float* gray, float* depth_m) const {
+  std::array<float, kMaxRays> u;
+  std::array<float, kMaxRays> v;
+  std::array<float, kMaxRays> level;
+  for (size_t i = 0; i < static_cast<size_t>(count); ++i) {
+    const float x = rays[i].x() - ray_.x();
+    const float y = rays[i].y() - ray_.y();
+    const float z = 1.0F / inverse_depth_(x, y);
+    depth_m[i] = z;
+    u[i] = texture_u_over_z_(x, y) * z;
+    v[i] = texture_v_over_z_(x, y) * z;
+    level[i] = level_ + level_per_log2z_ * Texture::FastLog2(z * inverse_depth_.at_ray);
   }
-  return {gray / static_cast<float>(num_taps_) * Brightness(u, v), z};
+  for (size_t i = 0; i < static_cast<size_t>(count); ++i) gray[i] = Texel(u[i], v[i], level[i]);
+  if (quad_->light.factors.empty()) return;
+  for (size_t i = 0; i < static_cast<size_t>(count); ++i) {
+    const float x = rays[i].x() - ray_.x();
+    const float y = rays[i].y() - ray_.y();
+    gray[i] *= Brightness(u_over_z_(x, y) * depth_m[i], v_over_z_(x, y) * depth_m[i]);
+  }
 }
 
 }  // namespace mapp::sim

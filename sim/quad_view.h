@@ -52,30 +52,42 @@ class SurfacePatch {
   SurfacePatch(const QuadView& view, const Eigen::Vector2f& ray, const Eigen::Vector2f& ray_per_x,
                const Eigen::Vector2f& ray_per_y);
 
-  struct Look {
+  /// Gray level that a nearby ray sees.
+  float GrayAt(const Eigen::Vector2f& ray) const {
     float gray = 0;
     float depth_m = 0;
-  };
-  /// What a nearby ray sees.
-  Look At(const Eigen::Vector2f& ray) const;
+    LookAt(&ray, 1, &gray, &depth_m);
+    return gray;
+  }
   float DepthAt(const Eigen::Vector2f& ray) const { return 1.0F / InverseDepth(ray - ray_); }
+  /// Gray levels and depths that `count` nearby rays see, at most kMaxRays.
+  static constexpr int kMaxRays = 4;
+  void LookAt(const Eigen::Vector2f* rays, int count, float* gray, float* depth_m) const;
   const Eigen::Vector3f& tint_rgb() const { return quad_->tint_rgb; }
 
  private:
-  float InverseDepth(const Eigen::Vector2f& off) const {
-    return inverse_depth_ + inverse_depth_slope_.x() * off.x() + inverse_depth_slope_.y() * off.y();
-  }
+  /// Linear function of the ray's difference from `ray_`.
+  struct Linear {
+    float at_ray = 0;
+    float per_x = 0;
+    float per_y = 0;
+    float operator()(float x, float y) const { return at_ray + per_x * x + per_y * y; }
+  };
+
+  void ChooseLookup(const Eigen::Vector2f& ray_per_x, const Eigen::Vector2f& ray_per_y);
+  float InverseDepth(const Eigen::Vector2f& off) const { return inverse_depth_(off.x(), off.y()); }
+  float Texel(float u, float v, float level) const;
   float Brightness(float u, float v) const;
 
   const Quad* quad_ = nullptr;
-  Eigen::Vector2f ray_;
-  float inverse_depth_ = 0;
-  float u_over_z_ = 0;
-  float v_over_z_ = 0;
-  float depth_m_ = 0;
-  Eigen::Vector2f inverse_depth_slope_;
-  Eigen::Vector2f u_slope_;
-  Eigen::Vector2f v_slope_;
+  const Texture* texture_ = nullptr;
+  Eigen::Vector2f ray_ = Eigen::Vector2f::Zero();
+  Linear inverse_depth_;
+  Linear u_over_z_;  ///< of the surface
+  Linear v_over_z_;
+  Linear texture_u_over_z_;
+  Linear texture_v_over_z_;
+  float depth_m_ = 0;          ///< at `ray_`
   float level_ = 0;            ///< mip level at `ray_`
   float level_per_log2z_ = 0;  ///< how it grows with depth
   int num_taps_ = 1;

@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <utility>
+#include <vector>
 
 namespace mapp::sim {
 namespace {
@@ -49,6 +51,57 @@ void AddSensorNoise(const SensorNoise& noise, uint64_t seed, RenderedFrame& fram
     if (depth_sigma > 0) depth_m += depth_sigma * depth_m * depth_m * normal.Next();
     if (depth_m > noise.max_depth_m) depth_m = 0;
   }
+}
+
+void ApplyGain(double gain, RenderedFrame& frame) {
+  std::array<uint8_t, 256> exposed;
+  for (size_t level = 0; level < exposed.size(); ++level) {
+    exposed[level] = static_cast<uint8_t>(std::min(gain * static_cast<double>(level) + 0.5, 255.0));
+  }
+  for (uint8_t& level : frame.gray.pixels) level = exposed[level];
+  for (auto& color : frame.color.pixels) {
+    for (uint8_t& level : color) level = exposed[level];
+  }
+}
+
+void AutoExposure::Expose(int64_t stamp_ns, RenderedFrame& frame) {
+  double sum = 0;
+  for (const uint8_t level : frame.gray.pixels) sum += level;
+  const double mean = std::max(sum / static_cast<double>(frame.gray.pixels.size()), 1.0);
+  const double wanted = std::clamp(options_.target_level / mean, options_.min_gain, options_.max_gain);
+  const bool is_first = gain_ == 0;
+  if (is_first) gain_ = wanted;
+  ApplyGain(gain_, frame);
+  const double elapsed_s = is_first ? 0 : 1e-9 * static_cast<double>(stamp_ns - last_stamp_ns_);
+  gain_ = wanted + (gain_ - wanted) * std::exp(-std::max(elapsed_s, 0.0) / options_.delay_s);
+  last_stamp_ns_ = stamp_ns;
+}
+
+StatusOr<RenderedFrame> RenderWithMotionBlur(const Renderer& renderer, const Camera& camera,
+                                             std::span<const Pose3> T_world_camera,
+                                             std::span<const Quad> moving_quads) {
+  if (T_world_camera.empty()) return absl::InvalidArgumentError("T_world_camera: must hold a pose, got none");
+  const size_t middle = T_world_camera.size() / 2;
+  RenderedFrame blurred;
+  std::vector<uint32_t> gray_sums;
+  std::vector<std::array<uint32_t, 3>> color_sums;
+  for (size_t i = 0; i < T_world_camera.size(); ++i) {
+    MAPP_ASSIGN_OR_RETURN(RenderedFrame frame, renderer.Render(camera, T_world_camera[i], moving_quads));
+    gray_sums.resize(frame.gray.pixels.size());
+    color_sums.resize(frame.color.pixels.size());
+    for (size_t p = 0; p < gray_sums.size(); ++p) gray_sums[p] += frame.gray.pixels[p];
+    for (size_t p = 0; p < color_sums.size(); ++p) {
+      for (size_t channel = 0; channel < 3; ++channel) color_sums[p][channel] += frame.color.pixels[p][channel];
+    }
+    if (i == middle) blurred = std::move(frame);
+  }
+  const auto count = static_cast<uint32_t>(T_world_camera.size());
+  const auto mean = [count](uint32_t sum) { return static_cast<uint8_t>((sum + count / 2) / count); };
+  for (size_t p = 0; p < gray_sums.size(); ++p) blurred.gray.pixels[p] = mean(gray_sums[p]);
+  for (size_t p = 0; p < color_sums.size(); ++p) {
+    for (size_t channel = 0; channel < 3; ++channel) blurred.color.pixels[p][channel] = mean(color_sums[p][channel]);
+  }
+  return blurred;
 }
 
 }  // namespace mapp::sim

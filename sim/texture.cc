@@ -5,7 +5,6 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
-#include <utility>
 
 namespace mapp::sim {
 namespace {
@@ -26,47 +25,56 @@ GrayImage Halve(const GrayImage& image) {
   return half;
 }
 
-/// Two neighbouring texels along one axis, and how far the sample lies towards the second.
-struct Neighbours {
-  size_t first = 0;
-  size_t second = 0;
-  float weight = 0;
-};
-
-Neighbours Clamped(float coordinate, int size) {
-  const float texel = std::clamp(coordinate * static_cast<float>(size) - 0.5F, 0.0F, static_cast<float>(size - 1));
-  const int first = static_cast<int>(texel);
-  return {static_cast<size_t>(first), static_cast<size_t>(std::min(first + 1, size - 1)),
-          texel - static_cast<float>(first)};
-}
-
-Neighbours Repeated(float coordinate, int size) {
-  const float shifted = (coordinate - std::floor(coordinate)) * static_cast<float>(size) + 0.5F;
-  const int second = static_cast<int>(shifted);  // in [0, size]
-  return {static_cast<size_t>(second == 0 ? size - 1 : second - 1), static_cast<size_t>(second < size ? second : 0),
-          shifted - static_cast<float>(second)};
-}
-
-float Blend(const GrayImage& image, const Neighbours& x, const Neighbours& y) {
-  const uint8_t* top = image.pixels.data() + y.first * static_cast<size_t>(image.width);
-  const uint8_t* bottom = image.pixels.data() + y.second * static_cast<size_t>(image.width);
-  const auto at = [](const uint8_t* row, size_t column) { return static_cast<float>(row[column]); };
-  const float above = at(top, x.first) + (at(top, x.second) - at(top, x.first)) * x.weight;
-  const float below = at(bottom, x.first) + (at(bottom, x.second) - at(bottom, x.first)) * x.weight;
-  return above + (below - above) * y.weight;
-}
-
-float Bilinear(const GrayImage& image, float u, float v, Texture::Beyond beyond) {
-  return beyond == Texture::Beyond::kClamp ? Blend(image, Clamped(u, image.width), Clamped(v, image.height))
-                                           : Blend(image, Repeated(u, image.width), Repeated(v, image.height));
-}
+/// A mip level is shown alone this far, in levels, to either side of it; in between two of them are blended. (Blending
+/// over the whole way would look twice as often, for a difference that cannot be seen.)
+constexpr float kAlone = 0.2F;
 
 }  // namespace
 
 Texture::Texture(GrayImage image) {
   MAPP_CHECK(!image.empty());
-  levels_.push_back(std::move(image));
-  while (levels_.back().width > 1 || levels_.back().height > 1) levels_.push_back(Halve(levels_.back()));
+  levels_.emplace_back(image);
+  while (image.width > 1 || image.height > 1) {
+    image = Halve(image);
+    levels_.emplace_back(image);
+  }
+}
+
+Texture::Level::Level(const GrayImage& image)
+    : width(image.width), height(image.height), stride(static_cast<size_t>(image.width) + 2) {
+  texels.reserve(stride * (static_cast<size_t>(height) + 2));
+  for (int y = 0; y <= height + 1; ++y) {
+    for (int x = 0; x <= width + 1; ++x) texels.push_back(image.at(x % width, y % height));
+  }
+}
+
+/// Between the texels whose centres stand at whole numbers; x in [0, width], y in [0, height].
+inline float Texture::Level::Blend(float x, float y) const {
+  const int x0 = static_cast<int>(x);
+  const int y0 = static_cast<int>(y);
+  const float wx = x - static_cast<float>(x0);
+  const float wy = y - static_cast<float>(y0);
+  const uint8_t* top = texels.data() + static_cast<size_t>(y0) * stride + static_cast<size_t>(x0);
+  const uint8_t* bottom = top + stride;
+  const auto above = static_cast<float>(top[0]) + static_cast<float>(top[1] - top[0]) * wx;
+  const auto below = static_cast<float>(bottom[0]) + static_cast<float>(bottom[1] - bottom[0]) * wx;
+  return above + (below - above) * wy;
+}
+
+inline float Texture::Level::At(float u, float v, Beyond beyond) const {
+  const auto size_x = static_cast<float>(width);
+  const auto size_y = static_cast<float>(height);
+  float x = u * size_x - 0.5F;
+  float y = v * size_y - 0.5F;
+  if (beyond == Beyond::kClamp) {
+    x = std::clamp(x, 0.0F, size_x - 1);
+    y = std::clamp(y, 0.0F, size_y - 1);
+  } else {
+    // u and v are in [0, 1], so the position is in [-0.5, size - 0.5], and in [0, size] when moved.
+    if (x < 0) x += size_x;
+    if (y < 0) y += size_y;
+  }
+  return Blend(x, y);
 }
 
 float Texture::Sample(float u, float v, float footprint_texels) const {
@@ -74,12 +82,17 @@ float Texture::Sample(float u, float v, float footprint_texels) const {
 }
 
 float Texture::SampleLevel(float u, float v, float level, Beyond beyond) const {
+  if (beyond == Beyond::kRepeat) {
+    u -= std::floor(u);
+    v -= std::floor(v);
+  }
   const float clamped = std::clamp(level, 0.0F, static_cast<float>(levels_.size() - 1));
   const auto fine = static_cast<size_t>(clamped);
-  const float blend = clamped - static_cast<float>(fine);
-  const float fine_value = Bilinear(levels_[fine], u, v, beyond);
-  if (blend <= 0) return fine_value;
-  return fine_value + (Bilinear(levels_[fine + 1], u, v, beyond) - fine_value) * blend;
+  const float blend = (clamped - static_cast<float>(fine) - kAlone) / (1 - 2 * kAlone);
+  if (blend <= 0) return levels_[fine].At(u, v, beyond);
+  if (blend >= 1) return levels_[fine + 1].At(u, v, beyond);
+  const float fine_value = levels_[fine].At(u, v, beyond);
+  return fine_value + (levels_[fine + 1].At(u, v, beyond) - fine_value) * blend;
 }
 
 }  // namespace mapp::sim

@@ -3,6 +3,7 @@
 #include "mapp/image/image.h"
 
 #include <bit>
+#include <cstddef>
 #include <cstdint>
 #include <vector>
 
@@ -34,7 +35,20 @@ class Texture {
   }
 
  private:
-  std::vector<GrayImage> levels_;
+  /// A picture whose rows and columns are followed by the first two again, so that every position up to its size has a
+  /// right and a lower neighbour.
+  struct Level {
+    explicit Level(const GrayImage& image);
+    float Blend(float x, float y) const;
+    float At(float u, float v, Beyond beyond) const;
+
+    int width = 0;
+    int height = 0;
+    size_t stride = 0;
+    std::vector<uint8_t> texels;
+  };
+
+  std::vector<Level> levels_;
 };
 
 }  // namespace mapp::sim

@@ -3,6 +3,8 @@
 #include <gtest/gtest.h>
 
 #include <cmath>
+#include <memory>
+#include <vector>
 
 namespace mapp::sim {
 namespace {
@@ -61,6 +63,57 @@ TEST(SensorNoiseTest, BlackAndWhiteDoNotWrapAround) {
   AddSensorNoise({}, 5, white);
   for (const uint8_t level : black.gray.pixels) ASSERT_LT(level, 20);
   for (const uint8_t level : white.gray.pixels) ASSERT_GT(level, 235);
+}
+
+TEST(ExposureTest, GainMultipliesAndSaturates) {
+  RenderedFrame frame = Plain(100, 2.0F);
+  frame.gray.at(0, 0) = 200;
+  frame.color = ColorImage(1, 1, {10, 20, 250});
+  ApplyGain(1.5, frame);
+  EXPECT_EQ(frame.gray.at(1, 0), 150);
+  EXPECT_EQ(frame.gray.at(0, 0), 255);
+  EXPECT_EQ(frame.color.at(0, 0), (std::array<uint8_t, 3>{15, 30, 255}));
+  EXPECT_EQ(frame.depth_m.at(0, 0), 2.0F);
+}
+
+TEST(ExposureTest, AutomaticExposureFollowsTheBrightnessWithDelay) {
+  AutoExposure exposure({.target_level = 100, .delay_s = 0.5});
+  const auto expose = [&](double time_s, uint8_t level) {
+    RenderedFrame frame = Plain(level, 1.0F);
+    exposure.Expose(static_cast<int64_t>(time_s * 1e9), frame);
+    return int{frame.gray.at(0, 0)};
+  };
+  EXPECT_EQ(expose(0, 50), 100) << "the first frame is exposed well";
+  EXPECT_EQ(expose(1, 100), 200) << "a light goes on: too bright at first";
+  EXPECT_NEAR(exposure.gain(), 1 + std::exp(-2), 1e-9);
+  EXPECT_EQ(expose(9, 100), 114);
+  EXPECT_EQ(expose(10, 100), 100);
+  EXPECT_EQ(expose(20, 4), 4);
+  EXPECT_NEAR(exposure.gain(), 4, 1e-6) << "not 25: the gain is bounded";
+}
+
+TEST(MotionBlurTest, AveragesLevelsOverThePosesAndKeepsTheMiddleDepth) {
+  // The right half of a wall is white; the camera turns past its edge.
+  auto scene = std::make_shared<Scene>();
+  const auto add = [&](double x_m, uint8_t level) {
+    scene->quads.push_back(
+        Quad{{x_m, -50, 4}, {50, 0, 0}, {0, 100, 0}, std::make_shared<const Texture>(GrayImage(4, 4, level))});
+  };
+  add(-50, 40);
+  add(0, 240);
+  const auto renderer = MakeEmbreeRenderer(scene, {.num_threads = 1, .with_color = true});
+  const Camera camera{PinholeCamera{100, 100, 39.5, 29.5}, 80, 60};
+  std::vector<Pose3> poses;
+  for (const double x_m : {-0.4, -0.2, 0.0, 0.2})
+    poses.emplace_back(Eigen::Quaterniond::Identity(), Eigen::Vector3d(x_m, 0, 0.5 * x_m));
+  const auto frame = RenderWithMotionBlur(*renderer, camera, poses, {});
+  ASSERT_TRUE(frame.ok()) << frame.status();
+  EXPECT_EQ(frame->gray.at(5, 30), 40);
+  EXPECT_EQ(frame->gray.at(75, 30), 240);
+  EXPECT_EQ(frame->gray.at(42, 30), 140) << "white in the two poses furthest right";
+  EXPECT_EQ(frame->color.at(42, 30)[1], 140);
+  EXPECT_NEAR(frame->depth_m.at(42, 30), 4, 1e-5);
+  EXPECT_EQ(RenderWithMotionBlur(*renderer, camera, {}, {}).status().code(), absl::StatusCode::kInvalidArgument);
 }
 
 }  // namespace
