@@ -32,6 +32,9 @@ class CellGrid {
   /// called by several threads for different views once all corners are filled.
   void MarkEdges(const std::vector<QuadView>& views, int32_t view_idx);
 
+  /// Whether the four corners of the cell see one view, or all nothing.
+  bool CornersAgree(int column, int row) const;
+
   /// Whether the cell shows nothing but what its top left corner sees.
   bool IsPlain(int column, int row) const;
 
@@ -40,7 +43,6 @@ class CellGrid {
                 const Eigen::Vector3d& to_camera);
   void MarkAround(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector2d& normalized,
                   double inverse_depth);
-  bool CornersAgree(int column, int row) const;
 
   const RayTable& rays_;
   const int columns_;

@@ -91,7 +91,7 @@ class Drawing {
     if (grid_.IsPlain(column, row)) {
       DrawPlain(cell, grid_.CornerViews(row)[column], patches);
     } else {
-      DrawMixed(cell, patches);
+      DrawMixed(cell, grid_.CornersAgree(column, row), grid_.CornerViews(row)[column], patches);
     }
   }
 
@@ -116,35 +116,46 @@ class Drawing {
     }
   }
 
-  /// Rays through all corners and centres of a cell's pixels, and what they see.
+  /// Rays through all centres and corners of a cell's pixels, and what they see; row by row, centres first.
   struct PixelRays {
-    static constexpr int kLine = 2 * kCell_px + 1;
-    std::array<Eigen::Vector2f, kCell_px * kCell_px + (kCell_px + 1) * (kCell_px + 1)> rays;
-    std::array<int32_t, kCell_px * kCell_px + (kCell_px + 1) * (kCell_px + 1)> views;
-    size_t count = 0;
-    size_t first_corner = 0;
+    static constexpr size_t kMaxCenters = kCell_px * kCell_px;
+    static constexpr size_t kMaxCorners = (kCell_px + 1) * (kCell_px + 1);
+    std::array<Eigen::Vector2f, kMaxCenters + kMaxCorners> rays;
+    std::array<int32_t, kMaxCenters + kMaxCorners> views;
+    size_t num_centers = 0;
     int width = 0;
 
     size_t CenterIndex(int x, int y) const { return static_cast<size_t>(y * width + x); }
-    size_t CornerIndex(int x, int y) const { return first_corner + static_cast<size_t>(y * (width + 1) + x); }
+    size_t CornerIndex(int x, int y) const { return num_centers + static_cast<size_t>(y * (width + 1) + x); }
   };
 
-  PixelRays CastPixels(const Cell& cell) const {
-    PixelRays pixels;
+  void CastCenters(const Cell& cell, PixelRays& pixels) const {
     pixels.width = cell.x1 - cell.x0;
     for (int y = cell.y0; y < cell.y1; ++y) {
-      for (int x = cell.x0; x < cell.x1; ++x) pixels.rays[pixels.count++] = rays_.Center(x, y);
+      for (int x = cell.x0; x < cell.x1; ++x) pixels.rays[pixels.num_centers++] = rays_.Center(x, y);
     }
-    pixels.first_corner = pixels.count;
-    for (int y = cell.y0; y <= cell.y1; ++y) {
-      for (int x = cell.x0; x <= cell.x1; ++x) pixels.rays[pixels.count++] = rays_.Corner(x, y);
-    }
-    caster_.Cast({pixels.rays.data(), pixels.count}, {pixels.views.data(), pixels.count});
-    return pixels;
+    caster_.Cast({pixels.rays.data(), pixels.num_centers}, {pixels.views.data(), pixels.num_centers});
   }
 
-  void DrawMixed(const Cell& cell, CellPatches& patches) {
-    const PixelRays pixels = CastPixels(cell);
+  void CastPixelCorners(const Cell& cell, PixelRays& pixels) const {
+    size_t next = pixels.num_centers;
+    for (int y = cell.y0; y <= cell.y1; ++y) {
+      for (int x = cell.x0; x <= cell.x1; ++x) pixels.rays[next++] = rays_.Corner(x, y);
+    }
+    const size_t count = next - pixels.num_centers;
+    caster_.Cast({&pixels.rays[pixels.num_centers], count}, {&pixels.views[pixels.num_centers], count});
+  }
+
+  /// A cell that may show several views; its top left corner sees `corner_view`, and the others the same if
+  /// `corners_agree`.
+  void DrawMixed(const Cell& cell, bool corners_agree, int32_t corner_view, CellPatches& patches) {
+    PixelRays pixels;
+    CastCenters(cell, pixels);
+    // Cells are suspected with some margin: most have an edge near them, not in them.
+    const bool all_agree = corners_agree && std::all_of(pixels.views.begin(), pixels.views.begin() + pixels.num_centers,
+                                                        [&](int32_t view) { return view == corner_view; });
+    if (all_agree) return DrawPlain(cell, corner_view, patches);
+    CastPixelCorners(cell, pixels);
     for (int y = cell.y0; y < cell.y1; ++y) {
       for (int x = cell.x0; x < cell.x1; ++x) {
         const int cell_x = x - cell.x0;
@@ -162,6 +173,8 @@ class Drawing {
   /// eighth each. Depth is the centre's.
   void DrawPixel(int x, int y, const PixelRays& pixels, const std::array<size_t, 5>& samples, CellPatches& patches) {
     constexpr std::array<float, 5> kWeights = {0.5F, 0.125F, 0.125F, 0.125F, 0.125F};
+    const int32_t center_view = pixels.views[samples[0]];
+    const Eigen::Vector2f& center = pixels.rays[samples[0]];
     float gray = 0;
     Eigen::Vector3f color = Eigen::Vector3f::Zero();
     std::array<bool, 5> done{};
@@ -187,8 +200,6 @@ class Drawing {
       gray += level;
       color += level * patch.tint_rgb();
     }
-    const int32_t center_view = pixels.views[samples[0]];
-    const Eigen::Vector2f& center = pixels.rays[samples[0]];
     SetPixel(x, y, gray, center_view == kNoView ? 0 : patches.Of(center_view, center).DepthAt(center), color);
   }
 
