@@ -59,6 +59,10 @@ Status SystemError(int error, const std::string& what) {
   }
 }
 
+double Seconds(const timeval& time) {
+  return static_cast<double>(time.tv_sec) + 1e-6 * static_cast<double>(time.tv_usec);
+}
+
 std::vector<char*> Pointers(std::vector<std::string>& strings) {
   std::vector<char*> pointers;
   pointers.reserve(strings.size() + 1);
@@ -138,10 +142,12 @@ StatusOr<std::unique_ptr<ChildProcess>> ChildProcess::Start(const ChildOptions& 
   FileDescriptor failure_write(failure_pipe[1]);
 
   const ChildSetup setup{arguments.data(), variables.data(), output.get(), error.get(), failure_write.get(), getpid()};
+  const uint64_t rss_before_bytes = GetProcessUsage().rss_bytes;
   const pid_t pid = fork();
   if (pid < 0) return SystemError(errno, "fork");
   if (pid == 0) ExecChild(setup);
   failure_write.Close();
+  const uint64_t rss_bytes = std::max(rss_before_bytes, GetProcessUsage().rss_bytes);
   const int exec_error = ReadExecError(failure_read.get());
   // glibc 2.36's declaration of pidfd_open is C only.
   const int pid_fd = exec_error == 0 ? static_cast<int>(syscall(SYS_pidfd_open, pid, 0)) : -1;
@@ -151,7 +157,7 @@ StatusOr<std::unique_ptr<ChildProcess>> ChildProcess::Start(const ChildOptions& 
     waitpid(pid, nullptr, 0);
     return SystemError(reason, exec_error == 0 ? "pidfd_open" : options.command[0]);
   }
-  return std::unique_ptr<ChildProcess>(new ChildProcess(pid, pid_fd));
+  return std::unique_ptr<ChildProcess>(new ChildProcess(pid, pid_fd, rss_bytes));
 }
 
 ChildProcess::~ChildProcess() {
@@ -195,7 +201,11 @@ void ChildProcess::Reap() {
   } while (reaped < 0 && errno == EINTR);
   MAPP_CHECK(reaped == pid_);
   exit_code_ = WIFEXITED(status) ? WEXITSTATUS(status) : 128 + WTERMSIG(status);
-  final_usage_ = UsageFrom(usage);
+  final_usage_.cpu_s = Seconds(usage.ru_utime) + Seconds(usage.ru_stime);
+  const uint64_t greatest_bytes = static_cast<uint64_t>(usage.ru_maxrss) * 1024;  // Linux counts in KiB
+  // The kernel's two counts of resident pages differ by what each processor has not yet added up.
+  constexpr uint64_t kCountingSlackBytes = uint64_t{1} << 20;
+  if (greatest_bytes > starter_rss_bytes_ + kCountingSlackBytes) final_usage_.peak_rss_bytes = greatest_bytes;
 }
 
 }  // namespace mapp

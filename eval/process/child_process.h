@@ -1,6 +1,6 @@
 #pragma once
 
-#include "eval/process/process_usage.h"
+#include "mapp/base/process_usage.h"
 #include "mapp/base/status.h"
 
 #include <chrono>
@@ -38,15 +38,18 @@ class ChildProcess {
   std::optional<int> Wait(std::chrono::milliseconds timeout);
   /// Sends the signal unless the process has been seen to end.
   void Signal(int signal);
-  /// What it has used: so far while it runs, in all once Wait has seen it end.
+  /// What it has used: so far while it runs, in all once Wait has seen it end. Of one that has ended, `peak_rss_bytes`
+  /// is 0 when it stayed below what this process held when it started it: Linux counts a child's memory from there.
   StatusOr<ProcessUsage> Usage() const;
 
  private:
-  ChildProcess(pid_t pid, int pid_fd) : pid_(pid), pid_fd_(pid_fd) {}
+  ChildProcess(pid_t pid, int pid_fd, uint64_t starter_rss_bytes)
+      : pid_(pid), pid_fd_(pid_fd), starter_rss_bytes_(starter_rss_bytes) {}
   void Reap();
 
   pid_t pid_;
   int pid_fd_;
+  uint64_t starter_rss_bytes_;  // when it was started
   std::optional<int> exit_code_;
   ProcessUsage final_usage_;
 };

@@ -98,9 +98,24 @@ TEST_F(ChildProcessTest, CountsTheCpuTimeOfAFinishedChild) {
   ASSERT_TRUE(idle_usage.ok()) << idle_usage.status();
   EXPECT_GT(busy_usage->cpu_s, 0.01);
   EXPECT_GT(busy_usage->cpu_s, 4 * idle_usage->cpu_s);
-  EXPECT_GT(busy_usage->peak_rss_bytes, size_t{100} << 10);
-  EXPECT_LT(busy_usage->peak_rss_bytes, size_t{1} << 30);
   EXPECT_EQ(busy_usage->rss_bytes, 0);
+}
+
+TEST_F(ChildProcessTest, TellsTheMemoryOfAFinishedChildUnlessItsStarterHidesIt) {
+  constexpr size_t kChildBytes = size_t{100} << 20;
+  const std::string script = "text=$(head -c 104857600 /dev/zero | tr '\\0' a)";
+  const auto large = Start(Shell(script));
+  ASSERT_EQ(large->Wait(kPatience), 0);
+  const auto usage = large->Usage();
+  ASSERT_TRUE(usage.ok()) << usage.status();
+  EXPECT_GE(usage->peak_rss_bytes, kChildBytes);
+  EXPECT_LE(usage->peak_rss_bytes, 6 * kChildBytes);  // the shell copies what it reads
+
+  const std::vector<char> memory(kChildBytes, 1);  // which a child inherits until it runs its own program
+  const auto hidden = Start(Shell("exit 0"));
+  ASSERT_EQ(hidden->Wait(kPatience), 0);
+  EXPECT_EQ(hidden->Usage()->peak_rss_bytes, 0);
+  EXPECT_EQ(memory.back(), 1);
 }
 
 TEST(ProcessUsageTest, ReadsARunningProcess) {
