@@ -136,9 +136,12 @@ void Draft::AddRoutes(const std::vector<Eigen::Vector3d>& nodes_world,
     for (int i = 0; i <= num_steps; ++i) samples.push_back(nodes_world[a] + way * i / std::max(num_steps, 1));
     // Half a step more, for what lies between two samples.
     const double reach_m = world.routes.clearance_m + 0.5 * kStep_m;
-    const bool inside = std::ranges::all_of(
-        samples, [&](const Eigen::Vector3d& p_world) { return world.bounds_world.contains(p_world); });
-    if (inside && std::ranges::min(rays.DistanceToSurface(samples)) >= reach_m) free_edges.emplace_back(a, b);
+    const bool may_pass = std::ranges::all_of(samples, [&](const Eigen::Vector3d& p_world) {
+      return world.bounds_world.contains(p_world) && std::ranges::none_of(free_spots, [&](const Spot& spot) {
+               return Distance(p_world, SolidOf(spot.size_m, spot.ground_world, spot.yaw)) < reach_m;
+             });
+    });
+    if (may_pass && std::ranges::min(rays.DistanceToSurface(samples)) >= reach_m) free_edges.emplace_back(a, b);
   }
   if (free_edges.empty()) return;
   const std::vector<bool> connected = LargestPart(nodes_world.size(), free_edges);

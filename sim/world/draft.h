@@ -49,8 +49,8 @@ class Draft {
   /// An empty spot, unless something is in the way.
   bool TryAddSpot(const Spot& spot, double gap_m = 0.05);
 
-  /// Adds all nodes, and those of the edges along which every surface keeps the routes' clearance, now and after
-  /// every change. Call when all else stands.
+  /// Adds those of the edges along which every surface and every free spot keeps the routes' clearance, and their
+  /// nodes, as far as they hang together. Call when all else stands.
   void AddRoutes(const std::vector<Eigen::Vector3d>& nodes_world, const std::vector<std::pair<size_t, size_t>>& edges);
 
   World world;
@@ -67,7 +67,9 @@ class Draft {
 
 // The settings, each in its file.
 void BuildGarage(Draft& draft);
+void BuildPlaza(Draft& draft);
 void BuildHall(Draft& draft);
+void BuildCity(Draft& draft);
 
 /// Draws `num_changes` of the draft's objects at times between the visits. INVALID_ARGUMENT: more than objects.
 Status AddChanges(const WorldOptions& options, const std::vector<Spot>& free_spots, World& world);

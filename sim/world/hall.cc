@@ -247,7 +247,7 @@ class Hall {
   void AddLights() {
     for (double x = box_.min().x() + 3; x < box_.max().x(); x += 6.5) {
       for (double y = box_.min().y() + 3; y < box_.max().y(); y += 6.5) {
-        draft_.world.lights.push_back({{x, y, box_.max().z() - 0.9}, 0.7, 7.0});
+        draft_.world.lights.push_back({{x, y, box_.max().z() - 0.9}, 0.38, 5.0});
       }
     }
   }

@@ -48,10 +48,13 @@ Recipe RecipeOf(Material material) {
     case Material::kRoof:
       return {PaintRoof, 4, {4.0, 4.0, 110}};
     case Material::kFacadeA:
+      return {PaintLightBay, 4, {3.0, 3.0, 150}};
     case Material::kFacadeB:
+      return {PaintBrickBay, 4, {3.0, 3.0, 150}};
     case Material::kFacadeC:
+      return {PaintDarkBay, 4, {3.0, 3.0, 150}};
     case Material::kFacadeD:
-      return {PaintWindowBay, 4, {3.0, 3.0, 150}};
+      return {PaintPanelBay, 4, {3.0, 3.0, 150}};
     case Material::kShops:
       return {PaintShopFront, 10, {4.0, 3.4, 170}};
     case Material::kDoor:

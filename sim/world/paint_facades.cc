@@ -20,20 +20,16 @@ void Glass(double x_m, double y_m, double width_m, double height_m, Rng& rng, Sh
   }
 }
 
-}  // namespace
-
-GrayImage PaintWindowBay(const Canvas& canvas, Rng& rng) {
-  const double w = canvas.width_m;
-  const double h = canvas.height_m;
-  Sheet sheet(canvas, rng.Uniform(120, 180), rng);
-  sheet.Stains(170, 50);
+/// A window with frame, casements and sill in the middle of a wall, and the band between storeys.
+void Window(int num_casements, double frame, Rng& rng, Sheet& sheet) {
+  const double w = sheet.width_m();
+  const double h = sheet.height_m();
   const double left_m = 0.25 * w;
   const double top_m = 0.2 * h;
   const double wide_m = 0.5 * w;
   const double tall_m = 0.56 * h;
-  sheet.Rectangle(left_m - 0.14, top_m - 0.14, wide_m + 0.28, tall_m + 0.28, rng.Uniform(185, 225));
+  sheet.Rectangle(left_m - 0.14, top_m - 0.14, wide_m + 0.28, tall_m + 0.28, frame);
   sheet.Rectangle(left_m - 0.04, top_m - 0.04, wide_m + 0.08, tall_m + 0.08, 45);
-  const int num_casements = 2 + static_cast<int>(rng.Below(2));
   for (int i = 0; i < num_casements; ++i) {
     const double casement_m = wide_m / num_casements;
     const double x_m = left_m + i * casement_m;
@@ -43,7 +39,52 @@ GrayImage PaintWindowBay(const Canvas& canvas, Rng& rng) {
   }
   sheet.Rectangle(left_m - 0.2, top_m + tall_m + 0.06, wide_m + 0.4, 0.1, 205);
   sheet.Rectangle(left_m - 0.2, top_m + tall_m + 0.16, wide_m + 0.4, 0.04, 50);
-  sheet.Rectangle(0, h - 0.1, w, 0.1, 110);  // the band between storeys
+  sheet.Rectangle(0, h - 0.1, w, 0.1, 110);
+}
+
+}  // namespace
+
+GrayImage PaintLightBay(const Canvas& canvas, Rng& rng) {
+  Sheet sheet(canvas, 190, rng);
+  sheet.Stains(190, 48);
+  Window(2, 228, rng, sheet);
+  sheet.Grain(0.4, 8);
+  return std::move(sheet).Take();
+}
+
+GrayImage PaintBrickBay(const Canvas& canvas, Rng& rng) {
+  constexpr double kCourse_m = 0.1;
+  Sheet sheet(canvas, 165, rng);
+  for (int course = 0; course * kCourse_m < canvas.height_m - 1e-6; ++course) {
+    for (double x_m = course % 2 == 0 ? 0 : -0.15; x_m < canvas.width_m; x_m += 0.3) {
+      sheet.Rectangle(x_m, course * kCourse_m, 0.285, kCourse_m - 0.015, rng.Uniform(80, 128));
+    }
+  }
+  sheet.Stains(90, 45);
+  Window(3, 215, rng, sheet);
+  sheet.Grain(0.4, 8);
+  return std::move(sheet).Take();
+}
+
+GrayImage PaintDarkBay(const Canvas& canvas, Rng& rng) {
+  Sheet sheet(canvas, 100, rng);
+  sheet.Stains(190, 48);
+  for (double y_m = 0.4; y_m < canvas.height_m; y_m += 0.5) sheet.Rectangle(0, y_m, canvas.width_m, 0.025, 60);
+  Window(2, 195, rng, sheet);
+  sheet.Grain(0.4, 8);
+  return std::move(sheet).Take();
+}
+
+GrayImage PaintPanelBay(const Canvas& canvas, Rng& rng) {
+  constexpr double kPanel_m = 0.75;
+  Sheet sheet(canvas, 60, rng);
+  for (double y_m = 0; y_m < canvas.height_m - 1e-6; y_m += kPanel_m) {
+    for (double x_m = 0; x_m < canvas.width_m - 1e-6; x_m += kPanel_m) {
+      sheet.Rectangle(x_m, y_m, kPanel_m - 0.02, kPanel_m - 0.02, rng.Uniform(138, 172));
+    }
+  }
+  sheet.Stains(170, 48);
+  Window(4, 70, rng, sheet);
   sheet.Grain(0.4, 8);
   return std::move(sheet).Take();
 }

@@ -18,8 +18,11 @@ GrayImage PaintPaving(const Canvas& canvas, Rng& rng);
 GrayImage PaintPlaster(const Canvas& canvas, Rng& rng);
 /// Bricks in equal courses: pieces of it join.
 GrayImage PaintMasonry(const Canvas& canvas, Rng& rng);
-/// One storey of one window, with the wall around it.
-GrayImage PaintWindowBay(const Canvas& canvas, Rng& rng);
+// One storey of one window, with the wall around it, in four styles: light plaster, bricks, dark plaster, panels.
+GrayImage PaintLightBay(const Canvas& canvas, Rng& rng);
+GrayImage PaintBrickBay(const Canvas& canvas, Rng& rng);
+GrayImage PaintDarkBay(const Canvas& canvas, Rng& rng);
+GrayImage PaintPanelBay(const Canvas& canvas, Rng& rng);
 /// A shop's front: panes with goods behind, a door, a sign above.
 GrayImage PaintShopFront(const Canvas& canvas, Rng& rng);
 /// A door with its frame, handle and a sign.

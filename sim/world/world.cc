@@ -20,7 +20,8 @@ struct Setting {
   const char* name;
   void (*build)(Draft&);
 };
-constexpr std::array kSettings = {Setting{"garage", BuildGarage}, Setting{"hall", BuildHall}};
+constexpr std::array kSettings = {Setting{"garage", BuildGarage}, Setting{"plaza", BuildPlaza},
+                                  Setting{"hall", BuildHall}, Setting{"city", BuildCity}};
 
 Status Validate(const WorldOptions& options) {
   if (std::ranges::find(SettingNames(), options.setting) == SettingNames().end()) {
