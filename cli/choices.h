@@ -1,5 +1,6 @@
 #pragma once
 
+#include "mapp/camera/camera_model.h"
 #include "mapp/client/participant.h"
 
 #include <algorithm>
@@ -23,6 +24,9 @@ inline constexpr std::array kSamplerChoices = {Choice<SamplerKind>{"depth_sketch
 inline constexpr std::array kInjectionChoices = {Choice<Injection>{"often", Injection::kOften},
                                                  Choice<Injection>{"random", Injection::kRandom},
                                                  Choice<Injection>{"none", Injection::kNone}};
+inline constexpr std::array kSensorChoices = {
+    Choice<SensorKind>{"rgbd", SensorKind::kRgbd}, Choice<SensorKind>{"stereo", SensorKind::kStereo},
+    Choice<SensorKind>{"mono", SensorKind::kMono}, Choice<SensorKind>{"mono-inertial", SensorKind::kMonoInertial}};
 inline constexpr std::array kSwitchChoices = {Choice<bool>{"on", true}, Choice<bool>{"off", false}};
 
 /// The name of a value that is among the choices.

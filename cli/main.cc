@@ -9,10 +9,14 @@
 #include "cli/sequence_source.h"
 #include "cli/server_info.h"
 #include "cli/sessions.h"
-#include "cli/simulate_room.h"
+#include "cli/simulate.h"
+#include "cli/visit_spec.h"
+#include "sim/world/camera_rig.h"
+#include "sim/world/world.h"
 
 #include <CLI/CLI.hpp>
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <array>
 #include <functional>
@@ -60,15 +64,14 @@ void AddChoice(CLI::App& command, const char* name, T& value, const std::array<C
       ->default_str(NameOf(choices, value));
 }
 
-/// Refuses `sim:` names that no room answers to, before anything is opened.
-std::string CheckSequence(const std::string& name) {
-  if (!name.starts_with("sim:") || ParseRoomSpec(name)) return {};
-  return fmt::format("{} is not sim:room/SESSION or sim:room:SEED/SESSION", name);
-}
+/// Refuses `sim:` names that stand for nothing, before anything is opened.
+std::string CheckSequence(const std::string& name) { return std::string(CheckSequenceName(name).message()); }
 
 constexpr const char* kReplayFooter =
-    R"(SEQUENCE is a folder (TUM RGB-D or EuRoC ASL layout), or the rendered room, drawn
-while it plays: sim:room/SESSION or sim:room:SEED/SESSION.
+    R"(SEQUENCE is a folder (TUM RGB-D or EuRoC ASL layout), or drawn while it plays:
+  sim:room/SESSION, sim:room:SEED/SESSION           the rendered room
+  sim:SETTING/USER, sim:SETTING:KEY=VALUE,.../USER  a visit of mapp simulate SETTING,
+      its long options being the keys: sim:garage:users=5,path=60,sensor=stereo/0
 
 Figures, as in the JSON:
   keyframe_equivalents    frames on a shared map, where no keyframe is made, at which
@@ -225,16 +228,77 @@ void AddServerInfo(CLI::App& app, Command& chosen) {
   command->callback([options, &chosen] { chosen = [options] { return RunServerInfo(*options, std::cout); }; });
 }
 
-void AddSimulateRoom(CLI::App& app, Command& chosen) {
+void AddSimulateRoom(CLI::App& simulate, Command& chosen) {
   auto options = std::make_shared<SimulateRoomOptions>();
-  CLI::App* command = app.add_subcommand("simulate-room", "Write a session of the rendered room as a TUM RGB-D folder");
-  command->add_option("--out", options->folder, "Folder, made when absent")->required()->type_name("DIR");
+  CLI::App* command = simulate.add_subcommand("room", "A session of a furnished room, as a TUM RGB-D folder");
+  command->add_option("--out", options->folder, "Folder, made; must not hold anything")->required()->type_name("DIR");
   command->add_option("--session", options->room.session, "Which walk through the room")
       ->check(CLI::Range(0U, RoomSpec::kMaxSession))
       ->capture_default_str();
   command->add_option("--seed", options->room.seed, "Which room")->capture_default_str();
   AddJson(*command, options->json);
-  command->callback([options, &chosen] { chosen = [options] { return RunSimulateRoom(*options, std::cout); }; });
+  command->callback([options, &chosen] {
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunSimulateRoom(*options, watcher->token(), std::cout);
+    };
+  });
+}
+
+void AddImageOptions(CLI::App& command, const std::shared_ptr<SimulateOptions>& options) {
+  command.add_option_function<double>(
+      "--noise", [options](double factor) { options->images.noise = ScaledNoise(factor); },
+      "Noise of gray levels and depth: 0 none, 1 as real cameras (default 1)");
+  command.add_option("--exposure", options->images.exposure, "Brightness factor, (0, 16]")->capture_default_str();
+  command.add_option("--motion-blur", options->images.motion_blur, "Pictures averaged over an exposure, odd; 1: none")
+      ->capture_default_str();
+  command.add_option_function<double>(
+      "--exposure-ms", [options](double exposure_ms) { options->images.exposure_s = exposure_ms / 1000; },
+      "Exposure time for --motion-blur, [0, 100] (default: the camera's)");
+  command.add_flag("--color", options->images.with_color, "Colour images of the left or colour camera");
+}
+
+void AddSimulateWorld(CLI::App& simulate, const std::string& setting, Command& chosen) {
+  auto options = std::make_shared<SimulateOptions>();
+  sim::SimulationOptions& world = options->simulation;
+  world.setting = setting;
+  CLI::App* command = simulate.add_subcommand(setting, fmt::format("Visits of users to the {}", setting));
+  command->add_option("--out", options->folder, "Folder, made; must not hold anything")->required()->type_name("DIR");
+  command->add_option("--users", world.num_users, "Who come one after the other")->capture_default_str();
+  command->add_option("--path", world.path_m, "Length of each user's way, metres")->capture_default_str();
+  command->add_option("--seed", world.seed, "Same seed, same bytes")->capture_default_str();
+  command
+      ->add_option("--camera", world.cameras, fmt::format("Dealt out in turn: {}", fmt::join(sim::CameraNames(), ", ")))
+      ->delimiter(',')
+      ->type_name("NAME,...");
+  AddChoice(*command, "--sensor", world.sensor, kSensorChoices,
+            "rgbd: TUM folders; stereo, mono, mono-inertial: EuRoC");
+  command->add_option("--rate", world.rate_hz, "Images a second; 0: the camera's")->capture_default_str();
+  command->add_option("--changes", world.num_changes, "Objects that leave, come or are moved between visits")
+      ->capture_default_str();
+  command->add_option("--passers", world.num_passers, "People who walk about")->capture_default_str();
+  command->add_option("--trajectory", world.trajectory_files, "TUM files, T_world_camera, flown in turn; no ways then")
+      ->type_name("FILE");
+  command->add_option("--max-duration", world.max_duration_s, "Seconds after which --trajectory is cut; 0: not")
+      ->capture_default_str();
+  command->add_option("--routes", world.num_routes, "So many ways that users walk again; 0: each has his own")
+      ->capture_default_str();
+  command->add_option("--textures", world.textures_folder, "Photographs that paper the walls")->type_name("DIR");
+  AddImageOptions(*command, options);
+  AddJson(*command, options->json);
+  command->callback([options, &chosen] {
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunSimulate(*options, watcher->token(), std::cout);
+    };
+  });
+}
+
+void AddSimulate(CLI::App& app, Command& chosen) {
+  CLI::App* simulate = app.add_subcommand("simulate", "Write sequences of a place with a known truth");
+  simulate->require_subcommand(1);
+  for (const std::string& setting : sim::SettingNames()) AddSimulateWorld(*simulate, setting, chosen);
+  AddSimulateRoom(*simulate, chosen);
 }
 
 /// CLI11 misses what is required before it looks at what it did not understand; people look for the latter first.
@@ -256,7 +320,7 @@ int Main(int argc, char** argv) {
   AddExport(app, chosen);
   AddRender(app, chosen);
   AddServerInfo(app, chosen);
-  AddSimulateRoom(app, chosen);
+  AddSimulate(app, chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {

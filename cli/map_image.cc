@@ -1,30 +1,17 @@
 #include "cli/map_image.h"
 
 #include "cli/canvas.h"
+#include "cli/legend.h"
 #include "cli/session_track.h"
 #include "cli/top_view.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <array>
-#include <cmath>
 #include <numeric>
 
 namespace mapp {
 namespace {
-
-constexpr int kLegendWidthPx = 300;
-constexpr int kMarginPx = 20;
-constexpr Color kBlack{30, 30, 30};
-constexpr Color kGray{120, 120, 120};
-constexpr Color kPanel{246, 246, 246};
-
-/// Colors that people of any color vision tell apart (Okabe and Ito, 2008).
-constexpr std::array<Color, 6> kSessionColors = {
-    {{0, 114, 178}, {213, 94, 0}, {0, 158, 115}, {204, 121, 167}, {230, 159, 0}, {86, 180, 233}}};
-
-Color SessionColor(size_t track_idx) { return kSessionColors[track_idx % kSessionColors.size()]; }
 
 Status Validate(const MapImageOptions& options) {
   constexpr int kMaxSizePx = 16384;
@@ -46,9 +33,9 @@ TopView MakeView(const MapImageContent& content, const std::vector<SessionTrack>
   }
   points.reserve(content.map.points.size());
   for (const MapPointSummary& point : content.map.points) points.push_back(point.p_map);
-  return TopView(
-      cameras, points,
-      {kMarginPx, kMarginPx, options.width_px - kLegendWidthPx - 2 * kMarginPx, options.height_px - 2 * kMarginPx});
+  return TopView(cameras, points,
+                 {kLegendMarginPx, kLegendMarginPx, options.width_px - kLegendWidthPx - 2 * kLegendMarginPx,
+                  options.height_px - 2 * kLegendMarginPx});
 }
 
 /// Low points light, high points dark; the higher ones on top.
@@ -114,32 +101,6 @@ void DrawTrack(const SessionTrack& track, Color color, const TopView& view, Canv
   canvas.Text(start + Eigen::Vector2d(14, -8), fmt::format("{}", track.session_id), 0.55, color);
 }
 
-/// The legend's pen: writes line after line.
-class Legend {
- public:
-  Legend(Canvas& canvas, int left_px, int top_px) : canvas_(canvas), left_px_(left_px), y_px_(top_px) {}
-
-  void Title(const std::string& text) { Line(text, 0.62, kBlack, 0); }
-  void Note(const std::string& text) { Line(text, 0.45, kGray, 0); }
-  void Gap() { y_px_ += 14; }
-  /// A line of text behind a symbol, which `draw` puts around the pixel it is given.
-  template <typename Draw>
-  void Entry(const std::string& text, const Draw& draw) {
-    draw(Eigen::Vector2d(left_px_ + 12, y_px_ - 5));
-    Line(text, 0.45, kBlack, 34);
-  }
-
- private:
-  void Line(const std::string& text, double scale, Color color, int indent_px) {
-    canvas_.Text(Eigen::Vector2d(left_px_ + indent_px, y_px_), text, scale, color);
-    y_px_ += 24;
-  }
-
-  Canvas& canvas_;
-  int left_px_;
-  int y_px_;
-};
-
 void DrawLegend(const MapImageContent& content, const std::vector<SessionTrack>& tracks, int left_px, Canvas& canvas) {
   const MapSummary& map = content.map.map;
   Legend legend(canvas, left_px, 48);
@@ -150,44 +111,23 @@ void DrawLegend(const MapImageContent& content, const std::vector<SessionTrack>&
   legend.Gap();
   for (size_t i = 0; i < tracks.size(); ++i) {
     legend.Entry(tracks[i].label, [&](const Eigen::Vector2d& pixel) {
-      canvas.Line(pixel - Eigen::Vector2d(10, 0), pixel + Eigen::Vector2d(10, 0), 3, SessionColor(i));
+      canvas.Line(pixel - Eigen::Vector2d(10, 0), pixel + Eigen::Vector2d(10, 0), 3, TrackColor(i));
     });
     legend.Note(fmt::format("      {} whole, {} partial, {} shared", tracks[i].CountMarks(FrameMark::kWhole),
                             tracks[i].CountMarks(FrameMark::kPartial), tracks[i].CountMarks(FrameMark::kShared)));
   }
   legend.Gap();
   const auto mark_entry = [&](const std::string& text, FrameMark mark) {
-    legend.Entry(text, [&](const Eigen::Vector2d& pixel) { DrawMarker(mark, pixel, kGray, canvas); });
+    legend.Entry(text, [&](const Eigen::Vector2d& pixel) { DrawMarker(mark, pixel, kPale, canvas); });
   };
   mark_entry("keyframe, whole (all fresh)", FrameMark::kWhole);
   mark_entry("keyframe, partial (fresh part)", FrameMark::kPartial);
   mark_entry("shared: nothing uploaded", FrameMark::kShared);
   legend.Entry("on a shared map", [&](const Eigen::Vector2d& pixel) {
-    canvas.Line(pixel - Eigen::Vector2d(10, 0), pixel + Eigen::Vector2d(10, 0), 9, Tint(kGray));
-    canvas.Line(pixel - Eigen::Vector2d(10, 0), pixel + Eigen::Vector2d(10, 0), 2, kGray);
+    canvas.Line(pixel - Eigen::Vector2d(10, 0), pixel + Eigen::Vector2d(10, 0), 9, Tint(kPale));
+    canvas.Line(pixel - Eigen::Vector2d(10, 0), pixel + Eigen::Vector2d(10, 0), 2, kPale);
   });
-  legend.Entry("start of a session", [&](const Eigen::Vector2d& pixel) { canvas.Circle(pixel, 9, 2, kGray); });
-}
-
-/// The longest of 1, 2, 5 times a power of ten that fits `max_px`, metres.
-double ScaleBarLength(double pixels_per_m, double max_px) {
-  const double max_m = max_px / pixels_per_m;
-  const double decade = std::pow(10, std::floor(std::log10(max_m)));
-  for (const double step : {5.0, 2.0}) {
-    if (step * decade <= max_m) return step * decade;
-  }
-  return decade;
-}
-
-void DrawScaleBar(double pixels_per_m, int left_px, int bottom_px, Canvas& canvas) {
-  const double length_m = ScaleBarLength(pixels_per_m, kLegendWidthPx - 2 * kMarginPx);
-  const Eigen::Vector2d left(left_px, bottom_px);
-  const Eigen::Vector2d right(left_px + length_m * pixels_per_m, bottom_px);
-  const Eigen::Vector2d tick(0, 6);
-  canvas.Line(left, right, 2, kBlack);
-  canvas.Line(left - tick, left + tick, 2, kBlack);
-  canvas.Line(right - tick, right + tick, 2, kBlack);
-  canvas.Text(left + Eigen::Vector2d(4, -12), fmt::format("{} m", length_m), 0.5, kBlack);
+  legend.Entry("start of a session", [&](const Eigen::Vector2d& pixel) { canvas.Circle(pixel, 9, 2, kPale); });
 }
 
 }  // namespace
@@ -198,13 +138,13 @@ StatusOr<std::string> DrawMap(const MapImageContent& content, const MapImageOpti
   const TopView view = MakeView(content, tracks, options);
   Canvas canvas(options.width_px, options.height_px);
   DrawPoints(content.map.points, view, canvas);
-  for (size_t i = 0; i < tracks.size(); ++i) DrawPath(tracks[i], SessionColor(i), view, canvas);
-  for (size_t i = 0; i < tracks.size(); ++i) DrawTrack(tracks[i], SessionColor(i), view, canvas);
+  for (size_t i = 0; i < tracks.size(); ++i) DrawPath(tracks[i], TrackColor(i), view, canvas);
+  for (size_t i = 0; i < tracks.size(); ++i) DrawTrack(tracks[i], TrackColor(i), view, canvas);
 
   const int panel_left_px = options.width_px - kLegendWidthPx;
   canvas.FillRectangle(panel_left_px, 0, kLegendWidthPx, options.height_px, kPanel);
-  DrawLegend(content, tracks, panel_left_px + kMarginPx, canvas);
-  DrawScaleBar(view.pixels_per_m(), panel_left_px + kMarginPx, options.height_px - 2 * kMarginPx, canvas);
+  DrawLegend(content, tracks, panel_left_px + kLegendMarginPx, canvas);
+  DrawScaleBar(view.pixels_per_m(), panel_left_px + kLegendMarginPx, options.height_px - 2 * kLegendMarginPx, canvas);
   return canvas.EncodePng();
 }
 

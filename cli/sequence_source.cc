@@ -1,12 +1,13 @@
 #include "cli/sequence_source.h"
 
+#include "cli/visit_spec.h"
 #include "sim/room.h"
 
 #include <fmt/format.h>
 
 #include <charconv>
-#include <limits>
 #include <string_view>
+#include <utility>
 
 namespace mapp {
 namespace {
@@ -40,17 +41,26 @@ std::optional<RoomSpec> ParseRoomSpec(const std::string& text) {
   return room;
 }
 
-StatusOr<std::unique_ptr<Sequence>> OpenSequenceSource(const std::string& name) {
-  if (!name.starts_with(kSimulated)) return OpenSequence(name);
-  const std::optional<RoomSpec> room = ParseRoomSpec(name);
-  if (!room) {
-    return absl::InvalidArgumentError(
-        fmt::format("sequence: {} is not sim:room/SESSION or sim:room:SEED/SESSION", name));
+Status CheckSequenceName(const std::string& name) {
+  if (!name.starts_with(kSimulated) || ParseRoomSpec(name)) return absl::OkStatus();
+  if (name.starts_with(kRoom)) {
+    return absl::InvalidArgumentError(fmt::format("{}: sim:room/SESSION or sim:room:SEED/SESSION expected", name));
   }
-  sim::RoomOptions options;
-  options.seed = room->seed;
-  options.session = static_cast<int>(room->session);
-  return sim::MakeRoomSequence(options);
+  return ParseVisitSpec(name).status();
+}
+
+StatusOr<std::unique_ptr<Sequence>> OpenSequenceSource(const std::string& name) {
+  MAPP_RETURN_IF_ERROR(CheckSequenceName(name));
+  if (!name.starts_with(kSimulated)) return OpenSequence(name);
+  if (const std::optional<RoomSpec> room = ParseRoomSpec(name)) {
+    sim::RoomOptions options;
+    options.seed = room->seed;
+    options.session = static_cast<int>(room->session);
+    return sim::MakeRoomSequence(options);
+  }
+  MAPP_ASSIGN_OR_RETURN(const VisitSpec spec, ParseVisitSpec(name));
+  MAPP_ASSIGN_OR_RETURN(std::shared_ptr<const sim::Simulation> simulation, sim::Simulate(spec.simulation));
+  return sim::OpenVisit(std::move(simulation), spec.user, spec.images);
 }
 
 }  // namespace mapp

@@ -21,8 +21,12 @@ struct RoomSpec {
 /// `sim:room/SESSION` or `sim:room:SEED/SESSION`; nullopt when `text` has not that form.
 std::optional<RoomSpec> ParseRoomSpec(const std::string& text);
 
-/// Opens what `mapp replay` takes as SEQUENCE: the rendered room when the name begins with `sim:`, else a folder
-/// (OpenSequence). INVALID_ARGUMENT: a `sim:` name of another form.
+/// INVALID_ARGUMENT: a name that begins with `sim:` but stands for nothing, saying why.
+Status CheckSequenceName(const std::string& name);
+
+/// Opens what `mapp replay` takes as SEQUENCE: the rendered room or a visit of a simulated world (ParseVisitSpec())
+/// when the name begins with `sim:`, else a folder (OpenSequence). Errors as CheckSequenceName(), OpenSequence() and
+/// sim::Simulate().
 StatusOr<std::unique_ptr<Sequence>> OpenSequenceSource(const std::string& name);
 
 }  // namespace mapp

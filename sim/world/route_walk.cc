@@ -18,6 +18,8 @@ namespace {
 using Walk = std::vector<size_t>;
 
 constexpr double kFar_m = std::numeric_limits<double>::infinity();
+/// Of the walk's length, before it joins another: the shared stretch must not lie behind its end.
+constexpr double kLongestApproach = 0.45;
 constexpr size_t kNoNode = std::numeric_limits<size_t>::max();
 
 /// Shortest ways from everywhere to one node.
@@ -113,7 +115,8 @@ class Planner {
     const WaysTo ways = ShortestWays(stretch[0], stretch[1]);
     std::vector<std::pair<double, size_t>> starts;
     for (const size_t node : reachable_) {
-      if (ways.distance_m[node] < kFar_m) starts.emplace_back(std::abs(ways.distance_m[node] - length_m), node);
+      const bool near = ways.distance_m[node] <= kLongestApproach * length_m_;
+      if (near) starts.emplace_back(std::abs(ways.distance_m[node] - length_m), node);
     }
     std::ranges::sort(starts);
     constexpr size_t kNumChoices = 5;

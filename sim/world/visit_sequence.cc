@@ -41,35 +41,6 @@ Status CheckOptions(const ImageOptions& options) {
   return absl::OkStatus();
 }
 
-uint8_t ToLevel(double level) { return static_cast<uint8_t>(std::clamp(level + 0.5, 0.0, 255.0)); }
-
-/// The mean of pictures of one size.
-class PictureMean {
- public:
-  void Add(const RenderedFrame& frame) {
-    gray_.resize(frame.gray.pixels.size());
-    color_.resize(frame.color.pixels.size());
-    for (size_t i = 0; i < gray_.size(); ++i) gray_[i] += frame.gray.pixels[i];
-    for (size_t i = 0; i < color_.size(); ++i) {
-      for (size_t c = 0; c < 3; ++c) color_[i][c] += frame.color.pixels[i][c];
-    }
-    ++num_pictures_;
-  }
-  /// Puts the mean, `exposure` times as bright, into `frame`.
-  void Put(double exposure, RenderedFrame& frame) const {
-    const double scale = exposure / num_pictures_;
-    for (size_t i = 0; i < gray_.size(); ++i) frame.gray.pixels[i] = ToLevel(scale * gray_[i]);
-    for (size_t i = 0; i < color_.size(); ++i) {
-      for (size_t c = 0; c < 3; ++c) frame.color.pixels[i][c] = ToLevel(scale * color_[i][c]);
-    }
-  }
-
- private:
-  std::vector<uint32_t> gray_;
-  std::vector<std::array<uint32_t, 3>> color_;
-  int num_pictures_ = 0;
-};
-
 class DrawnVisit final : public VisitSequence {
  public:
   DrawnVisit(std::shared_ptr<const Simulation> simulation, const Visit& visit, const ImageOptions& options,
@@ -123,27 +94,27 @@ class DrawnVisit final : public VisitSequence {
 
   /// One picture, as the camera's chip takes it.
   StatusOr<RenderedFrame> Take(const StampedPose& pose, Eye eye) const {
-    MAPP_ASSIGN_OR_RETURN(RenderedFrame frame, Render(pose.T_world_camera, pose.stamp_ns, eye));
-    if (options_.motion_blur > 1 || options_.exposure != 1) {
-      PictureMean mean;
-      mean.Add(frame);
-      for (int i = 0; i < options_.motion_blur && camera_motion_; ++i) {
-        const int64_t offset_ns = std::llround(((i + 0.5) / options_.motion_blur - 0.5) * exposure_s_ * 1e9);
-        if (i == options_.motion_blur / 2) continue;  // in the middle is the picture that is there
-        const int64_t stamp_ns = pose.stamp_ns + offset_ns;
-        MAPP_ASSIGN_OR_RETURN(const RenderedFrame other,
-                              Render(camera_motion_->At(stamp_ns).T_world_body, stamp_ns, eye));
-        mean.Add(other);
-      }
-      mean.Put(options_.exposure, frame);
+    std::vector<Pose3> T_world_camera = PosesWhileOpen(pose);
+    if (eye == Eye::kRight) {
+      for (Pose3& T_world_eye : T_world_camera) T_world_eye = T_world_eye * T_left_right();
     }
+    const Camera& model = eye == Eye::kLeft ? camera() : *right_camera();
+    MAPP_ASSIGN_OR_RETURN(RenderedFrame frame, renderer_.Render(model, T_world_camera, pose.stamp_ns));
+    if (options_.exposure != 1) ApplyGain(options_.exposure, frame);
     AddNoise(pose.stamp_ns, eye, frame);
     return frame;
   }
 
-  StatusOr<RenderedFrame> Render(const Pose3& T_world_left, int64_t stamp_ns, Eye eye) const {
-    if (eye == Eye::kLeft) return renderer_.Render(camera(), T_world_left, stamp_ns);
-    return renderer_.Render(*right_camera(), T_world_left * T_left_right(), stamp_ns);
+  /// Of the left camera, while the shutter is open; the pose itself in the middle.
+  std::vector<Pose3> PosesWhileOpen(const StampedPose& pose) const {
+    if (!camera_motion_) return {pose.T_world_camera};
+    std::vector<Pose3> poses;
+    for (int i = 0; i < options_.motion_blur; ++i) {
+      const double share = (i + 0.5) / options_.motion_blur - 0.5;
+      poses.push_back(camera_motion_->At(pose.stamp_ns + std::llround(share * exposure_s_ * 1e9)).T_world_body);
+    }
+    poses[poses.size() / 2] = pose.T_world_camera;
+    return poses;
   }
 
   void AddNoise(int64_t stamp_ns, Eye eye, RenderedFrame& frame) const {

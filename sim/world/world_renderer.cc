@@ -1,10 +1,10 @@
 #include "sim/world/world_renderer.h"
 
 #include "sim/bake_lights.h"
+#include "sim/sensor_noise.h"
 
 #include <algorithm>
 #include <utility>
-#include <vector>
 
 namespace mapp::sim {
 namespace {
@@ -22,10 +22,10 @@ WorldRenderer::WorldRenderer(std::shared_ptr<const World> world, int num_threads
       change_times_ns_(ChangeTimes(*world_)),
       options_{num_threads, world_->sky_gray, with_color} {}
 
-StatusOr<RenderedFrame> WorldRenderer::Render(const Camera& camera, const Pose3& T_world_camera,
+StatusOr<RenderedFrame> WorldRenderer::Render(const Camera& camera, std::span<const Pose3> T_world_camera,
                                               int64_t stamp_ns) const {
   const std::shared_ptr<const Renderer> renderer = RendererAt(stamp_ns);
-  return renderer->Render(camera, T_world_camera, PassersAt(*world_, stamp_ns));
+  return RenderWithMotionBlur(*renderer, camera, T_world_camera, PassersAt(*world_, stamp_ns));
 }
 
 std::shared_ptr<const Renderer> WorldRenderer::RendererAt(int64_t stamp_ns) const {

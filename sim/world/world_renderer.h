@@ -7,6 +7,8 @@
 
 #include <cstdint>
 #include <memory>
+#include <span>
+#include <vector>
 
 namespace mapp::sim {
 
@@ -16,7 +18,8 @@ class WorldRenderer {
   /// `world` must not be null; it is shared. `with_color`: frames have colours too.
   WorldRenderer(std::shared_ptr<const World> world, int num_threads, bool with_color);
 
-  StatusOr<RenderedFrame> Render(const Camera& camera, const Pose3& T_world_camera, int64_t stamp_ns) const;
+  /// `T_world_camera`: one pose, or more for a picture blurred by motion; see RenderWithMotionBlur().
+  StatusOr<RenderedFrame> Render(const Camera& camera, std::span<const Pose3> T_world_camera, int64_t stamp_ns) const;
 
  private:
   /// Light and shadows are computed once for each time span without changes; the last one is kept.

@@ -138,7 +138,7 @@ INSTANTIATE_TEST_SUITE_P(
         WrongUsage{"OneAlignByFile",
                    {"replay", "--device", "d", "--map", "m", "sim:room/0", "--align-by", "truth.txt"},
                    "--align-by"},
-        WrongUsage{"UnknownSimulation", {"replay", "--device", "d", "--map", "m", "sim:hall/0"}, "sim:hall/0"},
+        WrongUsage{"UnknownSimulation", {"replay", "--device", "d", "--map", "m", "sim:cellar/0"}, "sim:cellar/0"},
         WrongUsage{"PictureTooSmall", {"render", "--map", "m", "--out", "x.png", "--width", "3"}, "--width"}),
     [](const auto& suite_info) { return suite_info.param.name; });
 

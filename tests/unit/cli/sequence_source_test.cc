@@ -19,15 +19,15 @@ TEST(ParseRoomSpecTest, ReadsSessionAndSeed) {
 TEST(ParseRoomSpecTest, RefusesEverythingElse) {
   for (const char* text :
        {"", "sim:", "sim:room", "sim:room/", "sim:room/x", "sim:room/-1", "sim:room/1/2", "sim:room:/1", "sim:room:x/1",
-        "sim:hall/0", "sim:room/99999999999", "room/0", "sim:room/ 1"}) {
+        "sim:cellar/0", "sim:room/99999999999", "room/0", "sim:room/ 1"}) {
     EXPECT_FALSE(ParseRoomSpec(text).has_value()) << text;
   }
 }
 
 TEST(OpenSequenceSourceTest, NamesTheSimulationItDoesNotKnow) {
-  const Status status = OpenSequenceSource("sim:hall/0").status();
+  const Status status = OpenSequenceSource("sim:cellar/0").status();
   EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
-  EXPECT_THAT(std::string(status.message()), HasSubstr("sim:hall/0"));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("sim:cellar/0"));
 }
 
 TEST(OpenSequenceSourceTest, NamesTheFolderThatIsNotThere) {

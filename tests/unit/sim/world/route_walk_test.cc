@@ -82,6 +82,13 @@ TEST(RouteWalkTest, EveryWalkGoesPartlyWhereAnEarlierOneWent) {
   EXPECT_GT(num_reversed, 0);
 }
 
+TEST(RouteWalkTest, WalksShorterThanAStreetMeetAsWell) {
+  const auto walks = PlanWalks(StreetGrid(12, 12), 20, 8, 3);
+  ASSERT_TRUE(walks.ok()) << walks.status();
+  const auto street = [](const std::vector<size_t>& walk) { return std::minmax(walk[0], walk[1]); };
+  for (const auto& walk : *walks) EXPECT_EQ(Edge(street(walk)), Edge(street(walks->front())));
+}
+
 TEST(RouteWalkTest, SomeWalksCloseALoop) {
   const RouteGraph graph = StreetGrid(12, 12);
   int num_loops = 0;
