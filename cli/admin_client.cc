@@ -110,11 +110,20 @@ AdminClient::~AdminClient() = default;
 StatusOr<ServerSummary> AdminClient::GetServerInfo() {
   MAPP_ASSIGN_OR_RETURN(const v1::GetServerInfoResponse response,
                         impl_->Call(&v1::AdminService::Stub::GetServerInfo, {}, kCallTimeout));
-  ServerSummary server{response.version(), response.schema_version(), response.started_unix_ns(), {}};
+  ServerSummary server;
+  server.version = response.version();
+  server.schema_version = response.schema_version();
+  server.started_unix_ns = response.started_unix_ns();
   for (const auto& figures : response.methods()) {
-    server.methods.push_back(
-        {figures.method(), figures.num_calls(), figures.num_errors(), figures.median_ms(), figures.p95_ms()});
+    server.methods.push_back({figures.method(),
+                              figures.num_errors(),
+                              {figures.num_calls(), figures.mean_ms(), figures.median_ms(), figures.p95_ms()}});
   }
+  for (const auto& figures : response.steps()) {
+    server.steps.push_back(
+        {figures.step(), {figures.num_runs(), figures.mean_ms(), figures.median_ms(), figures.p95_ms()}});
+  }
+  server.usage = {response.cpu_s(), response.rss_bytes(), response.peak_rss_bytes()};
   return server;
 }
 

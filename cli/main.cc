@@ -222,7 +222,8 @@ void AddRender(CLI::App& app, Command& chosen) {
 
 void AddServerInfo(CLI::App& app, Command& chosen) {
   auto options = std::make_shared<ServerInfoOptions>();
-  CLI::App* command = app.add_subcommand("server-info", "Version of a server, and how long its methods take");
+  CLI::App* command = app.add_subcommand(
+      "server-info", "Version of a server, what it has used, and how long its methods and steps take");
   AddServer(*command, options->server);
   AddJson(*command, options->json);
   command->callback([options, &chosen] { chosen = [options] { return RunServerInfo(*options, std::cout); }; });

@@ -1,5 +1,7 @@
 #pragma once
 
+#include "mapp/base/latency.h"
+#include "mapp/base/process_usage.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/geometry/pose3.h"
 
@@ -64,10 +66,14 @@ struct MapContent {
 
 struct MethodSummary {
   std::string method;
-  uint64_t num_calls = 0;
   uint64_t num_errors = 0;
-  double median_ms = 0;  ///< inside the server, over its last calls
-  double p95_ms = 0;
+  LatencySummary latency;  ///< inside the server; its count is that of all calls
+};
+
+/// What the server does behind its methods: integration, alignment, optimization.
+struct StepSummary {
+  std::string step;
+  LatencySummary latency;
 };
 
 struct ServerSummary {
@@ -75,6 +81,8 @@ struct ServerSummary {
   uint32_t schema_version = 0;
   int64_t started_unix_ns = 0;
   std::vector<MethodSummary> methods;
+  std::vector<StepSummary> steps;
+  ProcessUsage usage;  ///< of the server's process
 };
 
 }  // namespace mapp

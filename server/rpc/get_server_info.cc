@@ -1,3 +1,4 @@
+#include "mapp/base/process_usage.h"
 #include "server/rpc/admin_service_handler.h"
 
 namespace mapp {
@@ -17,6 +18,18 @@ grpc::Status AdminServiceHandler::GetServerInfo(grpc::ServerContext* context, co
       out.set_median_ms(figures.latency.p50_ms);
       out.set_p95_ms(figures.latency.p95_ms);
     }
+    for (const StepFigures& figures : service_.StepTimesSoFar()) {
+      auto& out = *response->add_steps();
+      out.set_step(figures.step);
+      out.set_num_runs(figures.latency.count);
+      out.set_mean_ms(figures.latency.mean_ms);
+      out.set_median_ms(figures.latency.p50_ms);
+      out.set_p95_ms(figures.latency.p95_ms);
+    }
+    const ProcessUsage usage = GetProcessUsage();
+    response->set_cpu_s(usage.cpu_s);
+    response->set_rss_bytes(usage.rss_bytes);
+    response->set_peak_rss_bytes(usage.peak_rss_bytes);
     return absl::OkStatus();
   });
 }

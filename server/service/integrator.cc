@@ -5,6 +5,7 @@
 #include "server/service/registrar.h"
 #include "server/service/session_events.h"
 #include "server/service/session_view.h"
+#include "server/service/step_times.h"
 #include "server/service/tile_cache.h"
 #include "storage/map_store.h"
 
@@ -102,12 +103,21 @@ StatusOr<UploadResult> Integrator::Integrate(const CallContext& context, const s
     MAPP_RETURN_IF_ERROR(CheckOpen(upload.view.session));
     MAPP_ASSIGN_OR_RETURN(upload.known_points, FindKnownPoints(*reader, upload.keyframe));
   }
+  const Stopwatch associating;
   if (upload.view.session.T_map_session) {
     MAPP_ASSIGN_OR_RETURN(upload.associations, Associate(upload));
   }
+  const std::chrono::nanoseconds association_time = associating.Elapsed();
   Outcome outcome;
-  MAPP_RETURN_IF_ERROR(store_.Write(
-      context, [&](MapWriter& writer) { return Store(writer, upload, outcome); }, [&] { Announce(upload, outcome); }));
+  const auto store = [&](MapWriter& writer) {
+    const Stopwatch storing;
+    Status status = Store(writer, upload, outcome);
+    if (options_.step_times != nullptr && status.ok() && !outcome.result.already_stored) {
+      options_.step_times->Add(ServiceStep::kIntegration, association_time + storing.Elapsed());
+    }
+    return status;
+  };
+  MAPP_RETURN_IF_ERROR(store_.Write(context, store, [&] { Announce(upload, outcome); }));
   return outcome.result;
 }
 

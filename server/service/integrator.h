@@ -13,12 +13,15 @@ class MapStore;
 class MapWriter;
 class Registrar;
 class SessionEvents;
+class StepTimes;
 class TileCache;
 
 struct IntegratorOptions {
   /// Greatest packet accepted, bytes.
   size_t max_packet_bytes = size_t{64} << 10;
   AssociationOptions association;
+  /// Told how long each run took. Borrowed; may be null.
+  StepTimes* step_times = nullptr;
 };
 
 /// Takes uploaded keyframes into the map (DESIGN 7): everything that one changes is one transaction, and the caches

@@ -1,11 +1,5 @@
 #pragma once
 
-#include <functional>
-#include <memory>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "mapp/base/call_context.h"
 #include "mapp/base/status.h"
 #include "mapp/codec/query_codec.h"
@@ -14,7 +8,14 @@
 #include "server/service/registrar.h"
 #include "server/service/service_types.h"
 #include "server/service/session_events.h"
+#include "server/service/step_times.h"
 #include "storage/records.h"
+
+#include <functional>
+#include <memory>
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace mapp {
 
@@ -61,6 +62,9 @@ class MapService {
   Status ExportMap(const CallContext& context, const std::string& name,
                    const std::function<Status(const MapRecord&, const std::vector<FrameRecord>&)>& on_frames,
                    const std::function<Status(const std::vector<PointRecord>&)>& on_points);
+
+  /// Since the service was created.
+  std::vector<StepFigures> StepTimesSoFar() const;
 
   /// Stops the threads. The store stays open. Idempotent.
   void Shutdown();

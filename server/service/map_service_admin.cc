@@ -71,4 +71,6 @@ Status MapService::ExportMap(const CallContext& context, const std::string& name
   return absl::OkStatus();
 }
 
+std::vector<StepFigures> MapService::StepTimesSoFar() const { return impl_->step_times.Snapshot(); }
+
 }  // namespace mapp

@@ -14,13 +14,20 @@ struct MapService::Impl {
   Impl(MapStore& map_store, const MapServiceOptions& options)
       : store(map_store),
         tiles(map_store, options.cache_bytes),
-        optimizer(map_store, tiles, events, options.optimizer),
-        registrar(map_store, tiles, events, options.registrar),
+        optimizer(map_store, tiles, events, WithStepTimes(options.optimizer)),
+        registrar(map_store, tiles, events, WithStepTimes(options.registrar)),
         integrator(map_store, tiles, events, registrar,
-                   {.max_packet_bytes = options.max_keyframe_bytes, .association = {}}),
+                   {.max_packet_bytes = options.max_keyframe_bytes, .association = {}, .step_times = &step_times}),
         shared_map(map_store) {}
 
+  template <typename Options>
+  Options WithStepTimes(Options options) {
+    options.step_times = &step_times;
+    return options;
+  }
+
   MapStore& store;
+  StepTimes step_times;
   SessionEvents events;
   TileCache tiles;
   Optimizer optimizer;

@@ -3,6 +3,7 @@
 #include "server/service/optimizer_commit.h"
 #include "server/service/optimizer_region.h"
 #include "server/service/serial_worker.h"
+#include "server/service/step_times.h"
 #include "server/service/tile_cache.h"
 
 #include <algorithm>
@@ -171,6 +172,7 @@ StatusOr<OptimizationFinished> Optimizer::Impl::Optimize(const CallContext& cont
   }
   MAPP_RETURN_IF_ERROR(RecordOptimized(context, session));
   finished.seconds = SecondsSince(start);
+  if (options.step_times != nullptr) options.step_times->Add(ServiceStep::kOptimization, Clock::now() - start);
   events.Publish(session, finished);
   return finished;
 }

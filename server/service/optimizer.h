@@ -10,6 +10,7 @@
 namespace mapp {
 
 class MapStore;
+class StepTimes;
 class TileCache;
 
 struct OptimizerOptions {
@@ -23,6 +24,8 @@ struct OptimizerOptions {
   /// Told of what went wrong with a session in the background. May be empty; must not block. A session or map deleted
   /// in the meantime is not an error.
   std::function<void(SessionId, const Status&)> on_error;
+  /// Told how long each run took. Borrowed; may be null.
+  StepTimes* step_times = nullptr;
 };
 
 /// Bounded bundle adjustment around what a session brought (DESIGN 8), in a thread of its own: on a snapshot, while the

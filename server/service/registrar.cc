@@ -4,6 +4,7 @@
 #include "server/service/merger.h"
 #include "server/service/serial_worker.h"
 #include "server/service/session_events.h"
+#include "server/service/step_times.h"
 #include "vision/place_index.h"
 
 #include <algorithm>
@@ -143,10 +144,12 @@ Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecor
     events.Publish(frame.session, AlignmentTried{.keyframe = frame.number});
     return absl::OkStatus();
   }
+  const Stopwatch stopwatch;
   MAPP_ASSIGN_OR_RETURN(AlignmentConsensus* const consensus, ConsensusOf(reader, frame, state));
   MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, frame, state.index, *consensus));
   const std::optional<Pose3> T_map_session = consensus->Decide();
   const Status merged = T_map_session ? Merge(reader, frame, *T_map_session, state) : absl::OkStatus();
+  if (options.step_times != nullptr) options.step_times->Add(ServiceStep::kAlignment, stopwatch.Elapsed());
   // After the merge: who waits for the comparison of a keyframe then knows what came of it.
   events.Publish(frame.session, tried);
   return merged;

@@ -9,6 +9,7 @@
 namespace mapp {
 
 class MapStore;
+class StepTimes;
 class SessionEvents;
 class TileCache;
 
@@ -29,6 +30,8 @@ struct RegistrarOptions {
   /// Told of what went wrong with a session in the background: a broken packet, a disk that fails. May be empty; must
   /// not block. A session or map deleted in the meantime is not an error.
   std::function<void(SessionId, const Status&)> on_error;
+  /// Told how long each run took. Borrowed; may be null.
+  StepTimes* step_times = nullptr;
 };
 
 /// Place recognition, alignment and merging of fragments (DESIGN 7), in a thread of its own.

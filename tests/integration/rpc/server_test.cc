@@ -114,6 +114,9 @@ TEST_F(RpcTest, InfoCountsCallsAndErrors) {
   EXPECT_GT(info.methods(0).mean_ms(), 0);
   EXPECT_GT(info.methods(0).median_ms(), 0);
   EXPECT_GE(info.methods(0).p95_ms(), info.methods(0).median_ms());
+  EXPECT_GT(info.cpu_s(), 0);
+  EXPECT_GT(info.rss_bytes(), 1U << 20);
+  EXPECT_GE(info.peak_rss_bytes(), info.rss_bytes() / 2);
 }
 
 /// A watcher in a state that tests can wait for.

@@ -156,6 +156,21 @@ TEST_F(SessionsTest, ExportHoldsTheMapAndNoFragment) {
   EXPECT_EQ(static_cast<int64_t>(num_points), Map().num_points);
 }
 
+TEST_F(SessionsTest, StepsAreCountedOncePerKeyframe) {
+  const SessionId session = Open();
+  MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), session, 0);
+  const Keyframe second = world_.View(SyntheticWorld::Stand(0, -2, 0.3), session, 1, rng_);
+  ASSERT_TRUE(Upload(second).ok());
+  ASSERT_TRUE(Upload(second)->already_stored);
+  const std::vector<StepFigures> steps = service_->StepTimesSoFar();
+  ASSERT_EQ(steps.size(), 3U);
+  EXPECT_EQ(steps[0].step, "integration");
+  EXPECT_EQ(steps[0].latency.count, 2U);
+  EXPECT_GT(steps[0].latency.mean_ms, 0);
+  EXPECT_EQ(steps[2].step, "optimization");
+  EXPECT_EQ(steps[2].latency.count, 0U);
+}
+
 TEST_F(SessionsTest, PassedDeadlineStopsACall) {
   const CallContext late = CallContext::WithTimeout(std::chrono::milliseconds(-1));
   EXPECT_EQ(service_->ListMaps(late).status().code(), absl::StatusCode::kDeadlineExceeded);
