@@ -20,7 +20,8 @@ struct Choice {
 inline constexpr std::array kPolicyChoices = {Choice<UploadPolicy>{"map", UploadPolicy::kMap},
                                               Choice<UploadPolicy>{"upload_all", UploadPolicy::kUploadAll}};
 inline constexpr std::array kSamplerChoices = {Choice<SamplerKind>{"depth_sketch", SamplerKind::kDepthSketch},
-                                               Choice<SamplerKind>{"uniform", SamplerKind::kUniform}};
+                                               Choice<SamplerKind>{"uniform", SamplerKind::kUniform},
+                                               Choice<SamplerKind>{"occupancy", SamplerKind::kOccupancy}};
 inline constexpr std::array kInjectionChoices = {Choice<Injection>{"often", Injection::kOften},
                                                  Choice<Injection>{"random", Injection::kRandom},
                                                  Choice<Injection>{"none", Injection::kNone}};

@@ -100,7 +100,7 @@ void AddPolicies(CLI::App& command, ParticipantOptions& options) {
             "map: upload what is fresh; upload_all: every keyframe whole");
   AddChoice(command, "--sampler", options.sampler, kSamplerChoices,
             "How the overlap with the map is assessed: depth_sketch, samples at the depths the device sees; uniform, "
-            "evenly through the view cone");
+            "evenly through the view cone; occupancy, no samples but the bins of the view that hold points");
   AddChoice(command, "--injection", options.injection, kInjectionChoices,
             "Redundant points that are uploaded all the same: often, those observed more often than the average; "
             "random, as many at random; none");

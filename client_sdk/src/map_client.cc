@@ -166,8 +166,8 @@ StatusOr<ClientSession> MapClient::OpenSession(const std::string& map_name, cons
                        .max_keyframe_bytes = response.max_keyframe_bytes()};
 }
 
-StatusOr<std::vector<bool>> MapClient::AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
-                                                     size_t num_samples) {
+StatusOr<OverlapAnswer> MapClient::AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
+                                                 size_t num_samples) {
   v1::AssessOverlapRequest request;
   request.set_session_id(ToWire(session));
   request.set_keyframe(keyframe);
@@ -186,7 +186,7 @@ StatusOr<std::vector<bool>> MapClient::AssessOverlap(SessionId session, uint32_t
     counters.response_bytes += response_bytes;
     counters.max_response_bytes = std::max(counters.max_response_bytes, response_bytes);
   });
-  return DecodeSampleStates(response.sample_states(), num_samples);
+  return DecodeOverlapAnswer(response.answer(), view, num_samples);
 }
 
 StatusOr<ClientUpload> MapClient::UploadKeyframe(const std::string& packet) {

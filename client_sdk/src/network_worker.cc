@@ -120,31 +120,25 @@ Status NetworkWorker::Skip() {
 
 StatusOr<std::optional<NetworkWorker::Assessment>> NetworkWorker::Assess(const Keyframe& keyframe,
                                                                          const OwnPoints& own) {
-  ViewQuery view{.pose_frame = keyframe.pose_frame,
-                 .T_frame_camera = keyframe.T_frame_camera,
-                 .sampler = options_.sampler,
-                 .sketch = {}};
-  if (options_.sampler == SamplerKind::kDepthSketch) view.sketch = MakeDepthSketch(camera_, own.p_camera);
+  const ViewQuery view{.pose_frame = keyframe.pose_frame,
+                       .T_frame_camera = keyframe.T_frame_camera,
+                       .sampler = options_.sampler,
+                       .sketch = MakeQuerySketch(options_.sampler, camera_, own.p_camera)};
   const Stopwatch round_trip;
-  const StatusOr<std::vector<bool>> sample_redundant =
+  const StatusOr<OverlapAnswer> answer =
       client_.AssessOverlap(session_.id, keyframe.number, view, static_cast<size_t>(options_.num_samples));
-  if (absl::IsFailedPrecondition(sample_redundant.status())) return std::nullopt;
-  MAPP_RETURN_IF_ERROR(sample_redundant.status());
+  if (absl::IsFailedPrecondition(answer.status())) return std::nullopt;
+  MAPP_RETURN_IF_ERROR(answer.status());
   progress_.RecordLatency(Step::kOverlapAssessment, round_trip.Elapsed());
   const Stopwatch counting;
-  OverlapCount count = CountOverlap(DrawSamples(view), *sample_redundant, own.p_camera);
+  const OverlapQuestion question{camera_, session_.cone_range_m, view.sampler, view.sketch, options_.num_samples};
+  OverlapCount count = CountOverlap(question, *answer, own.p_camera);
   const std::chrono::nanoseconds counting_time = counting.Elapsed();
   progress_.UpdateStats([&](ParticipantStats& stats) {
     stats.overlap_sum += count.overlap;
     ++stats.num_overlaps;
   });
   return Assessment{std::move(count), counting_time};
-}
-
-SampleSet NetworkWorker::DrawSamples(const ViewQuery& view) const {
-  return view.sampler == SamplerKind::kUniform
-             ? SampleUniform(camera_.FieldOfView(), session_.cone_range_m, options_.num_samples)
-             : SampleDepthSketch(camera_, view.sketch, options_.num_samples);
 }
 
 StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patience patience) {

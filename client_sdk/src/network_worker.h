@@ -45,7 +45,6 @@ class NetworkWorker {
   };
   /// nullopt where the server cannot tell (session not aligned there).
   StatusOr<std::optional<Assessment>> Assess(const Keyframe& keyframe, const OwnPoints& own);
-  SampleSet DrawSamples(const ViewQuery& view) const;
 
   /// Asks for the map around a pose and hands it to the adapter. False when the map knows nothing there.
   StatusOr<bool> Share(const Keyframe& view, double overlap, Patience patience);

@@ -24,9 +24,10 @@ grpc::Status MapServiceHandler::AssessOverlap(grpc::ServerContext* context, cons
     MAPP_ASSIGN_OR_RETURN(const SessionId session, SessionIdFromProto(request->session_id(), "session_id"));
     MAPP_ASSIGN_OR_RETURN(const ViewQuery view, DecodeViewQuery(request->view()));
     MAPP_ASSIGN_OR_RETURN(const int num_samples, DecodeNumSamples(request->num_samples()));
-    MAPP_ASSIGN_OR_RETURN(const OverlapAnswer answer, service_.AssessOverlap(call.context, session, view, num_samples));
-    response->set_sample_states(EncodeSampleStates(answer.redundant));
-    response->set_map_revision(answer.map_revision.value());
+    MAPP_ASSIGN_OR_RETURN(const AssessedOverlap assessed,
+                          service_.AssessOverlap(call.context, session, view, num_samples));
+    response->set_answer(EncodeOverlapAnswer(assessed.answer));
+    response->set_map_revision(assessed.map_revision.value());
     return absl::OkStatus();
   });
 }

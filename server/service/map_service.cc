@@ -146,8 +146,8 @@ StatusOr<OpenedSession> MapService::OpenSession(const CallContext& context, cons
   return opened;
 }
 
-StatusOr<OverlapAnswer> MapService::AssessOverlap(const CallContext& context, SessionId session, const ViewQuery& view,
-                                                  int num_samples) {
+StatusOr<AssessedOverlap> MapService::AssessOverlap(const CallContext& context, SessionId session,
+                                                    const ViewQuery& view, int num_samples) {
   MAPP_RETURN_IF_ERROR(context.Check());
   if (num_samples < 1 || num_samples > kMaxFeatures) {
     return absl::InvalidArgumentError(
@@ -155,10 +155,8 @@ StatusOr<OverlapAnswer> MapService::AssessOverlap(const CallContext& context, Se
   }
   MAPP_ASSIGN_OR_RETURN(const SessionView open, LoadOpenSession(impl_->store, session));
   MAPP_ASSIGN_OR_RETURN(const MapView map_view, ViewInMap(open, view.pose_frame, view.T_frame_camera, "view.pose"));
-  OverlapAnswer answer;
-  MAPP_ASSIGN_OR_RETURN(answer.redundant, AssessSamples(impl_->tiles, map_view, view, num_samples));
-  answer.map_revision = open.map.revision;
-  return answer;
+  MAPP_ASSIGN_OR_RETURN(OverlapAnswer answer, AssessView(impl_->tiles, map_view, view, num_samples));
+  return AssessedOverlap{std::move(answer), open.map.revision};
 }
 
 StatusOr<UploadResult> MapService::UploadKeyframe(const CallContext& context, const std::string& packet) {

@@ -38,8 +38,8 @@ class MapService {
   ~MapService();
 
   StatusOr<OpenedSession> OpenSession(const CallContext& context, const OpenSessionInput& input);
-  StatusOr<OverlapAnswer> AssessOverlap(const CallContext& context, SessionId session, const ViewQuery& view,
-                                        int num_samples);
+  StatusOr<AssessedOverlap> AssessOverlap(const CallContext& context, SessionId session, const ViewQuery& view,
+                                          int num_samples);
   /// `packet`: codec/keyframe_codec.h. Durable when it returns OK.
   StatusOr<UploadResult> UploadKeyframe(const CallContext& context, const std::string& packet);
   /// Calls `send` with each encoded tile, nearest first; stops with its error.

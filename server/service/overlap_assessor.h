@@ -19,10 +19,16 @@ struct MapView {
   ViewCone Cone() const { return {T_map_camera, range_m, camera.FieldOfView()}; }
 };
 
-/// Which sample points of the view are REDUNDANT (DESIGN 5), in the order in which both sides derive them. May hold
-/// fewer than `num_samples`: an empty sketch has none. Loads the tiles it needs.
-/// `query.T_frame_camera` is not read: `view` has the pose in the map.
-StatusOr<std::vector<bool>> AssessSamples(TileCache& tiles, const MapView& view, const ViewQuery& query,
-                                          int num_samples);
+/// What the map knows of the view (DESIGN 5), by the query's sampler: which sample points are REDUNDANT (there may be
+/// fewer than `num_samples`: an empty sketch has none), or which bins hold neighbour points that were seen alike. Loads
+/// the tiles it needs. `query.T_frame_camera` is not read: `view` has the pose in the map.
+StatusOr<OverlapAnswer> AssessView(TileCache& tiles, const MapView& view, const ViewQuery& query, int num_samples);
+
+/// How finely the view of a camera is divided: columns of about 0.04 on the plane z = 1, bins of 5.4 % of depth.
+OccupancyResolution ResolutionFor(const Camera& camera);
+
+/// The occupied bins at a given resolution.
+StatusOr<OccupancyGrid> AssessBins(TileCache& tiles, const MapView& view, const DepthSketch& sketch,
+                                   OccupancyResolution resolution);
 
 }  // namespace mapp

@@ -22,8 +22,8 @@ struct OpenedSession {
   SessionId session;
   MapRecord map;
 };
-struct OverlapAnswer {
-  std::vector<bool> redundant;  ///< one per sample
+struct AssessedOverlap {
+  OverlapAnswer answer;
   Revision map_revision;
 };
 struct UploadResult {

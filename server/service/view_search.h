@@ -30,6 +30,10 @@ class ViewSearch {
   /// and searched there (docs/decisions/0005-overlap-search-in-scaled-coordinates.md has the measurement).
   std::vector<bool> AnyWithinScaled(std::span<const Eigen::Vector3f> p_camera, float radius);
 
+  /// Scaled coordinates of the neighbour points in `scaled_box` that were seen from within 50 degrees of the view's
+  /// ray.
+  std::vector<Eigen::Vector3f> PointsSeenAlike(const Eigen::AlignedBox3f& scaled_box);
+
   const std::vector<std::shared_ptr<const LoadedTile>>& tiles() const { return tiles_; }
 
  private:
@@ -38,9 +42,6 @@ class ViewSearch {
   bool IsNeighborFrame(size_t tile, uint32_t frame);
   bool HasNeighborObserver(size_t tile, const LoadedPoint& point);
   bool IsSeenAlike(size_t tile, const LoadedPoint& point);
-  /// Scaled coordinates of the neighbour points in `scaled_box` that were seen alike.
-  std::vector<Eigen::Vector3f> PointsSeenAlike(const Eigen::AlignedBox3f& scaled_box);
-
   ViewCone cone_;
   Eigen::Matrix3f R_map_camera_;
   Eigen::Vector3f center_;

@@ -1,6 +1,7 @@
 #include "mapp/codec/query_codec.h"
 
 #include "mapp/base/bytes.h"
+#include "mapp/codec/occupancy_codec.h"
 
 #include <fmt/format.h>
 
@@ -63,6 +64,13 @@ std::optional<Eigen::Quaterniond> UnpackRotation(const SmallestThree& packed) {
   return Eigen::Quaterniond(q[0], q[1], q[2], q[3]);
 }
 
+bool HasSketch(SamplerKind sampler) { return sampler != SamplerKind::kUniform; }
+
+struct AnswerEncoder {
+  std::string operator()(const SampleStates& states) const { return EncodeSampleStates(states.redundant); }
+  std::string operator()(const OccupancyGrid& grid) const { return EncodeOccupancy(grid); }
+};
+
 // First byte of encoded sample states: which class is listed, and how.
 constexpr uint8_t kListsRedundant = 1;
 constexpr uint8_t kAsMask = 2;
@@ -78,7 +86,7 @@ std::string EncodeViewQuery(const ViewQuery& query) {
   writer.Put<uint8_t>(head);
   for (int i = 0; i < 3; ++i) writer.Put<float>(static_cast<float>(query.T_frame_camera.translation()[i]));
   for (const int16_t component : rotation.others) writer.Put<int16_t>(component);
-  if (query.sampler == SamplerKind::kDepthSketch) {
+  if (HasSketch(query.sampler)) {
     for (const DepthSketch::Cell& cell : query.sketch.cells) {
       writer.Put<uint8_t>(cell.near_code);
       writer.Put<uint8_t>(cell.far_code);
@@ -93,12 +101,12 @@ StatusOr<ViewQuery> DecodeViewQuery(std::string_view bytes) {
   ViewQuery query;
   query.pose_frame = (head & kPoseInMap) != 0 ? PoseFrame::kMap : PoseFrame::kSession;
   const uint8_t sampler = (head >> kSamplerShift) & kTwoBits;
-  if (!bytes.empty() && ((head & kUnusedBits) != 0 || (sampler != static_cast<uint8_t>(SamplerKind::kUniform) &&
-                                                       sampler != static_cast<uint8_t>(SamplerKind::kDepthSketch)))) {
+  // Of two bits, all but 0 are samplers.
+  if (!bytes.empty() && ((head & kUnusedBits) != 0 || sampler == 0)) {
     return absl::InvalidArgumentError(fmt::format("view: unknown head {:#04x}", head));
   }
   query.sampler = static_cast<SamplerKind>(sampler);
-  const size_t expected = kPoseBytes + (query.sampler == SamplerKind::kDepthSketch ? 2 * DepthSketch::kCells : 0);
+  const size_t expected = kPoseBytes + (HasSketch(query.sampler) ? 2 * DepthSketch::kCells : 0);
   if (bytes.size() != expected) {
     return absl::InvalidArgumentError(fmt::format("view: must be {} bytes, got {}", expected, bytes.size()));
   }
@@ -114,7 +122,7 @@ StatusOr<ViewQuery> DecodeViewQuery(std::string_view bytes) {
   const std::optional<Eigen::Quaterniond> rotation = UnpackRotation(packed);
   if (!rotation) return absl::InvalidArgumentError("view.pose: the quaternion is not of unit length");
   query.T_frame_camera = Pose3(*rotation, translation);
-  if (query.sampler != SamplerKind::kDepthSketch) return query;
+  if (!HasSketch(query.sampler)) return query;
   for (size_t i = 0; i < query.sketch.cells.size(); ++i) {
     DepthSketch::Cell& cell = query.sketch.cells[i];
     cell.near_code = reader.Get<uint8_t>();
@@ -183,6 +191,17 @@ StatusOr<std::vector<bool>> DecodeSampleStates(std::string_view bytes, size_t nu
     first = false;
   }
   return redundant;
+}
+
+std::string EncodeOverlapAnswer(const OverlapAnswer& answer) { return std::visit(AnswerEncoder{}, answer); }
+
+StatusOr<OverlapAnswer> DecodeOverlapAnswer(std::string_view bytes, const ViewQuery& query, size_t num_samples) {
+  if (query.sampler == SamplerKind::kOccupancy) {
+    MAPP_ASSIGN_OR_RETURN(OccupancyGrid grid, DecodeOccupancy(bytes, query.sketch));
+    return OverlapAnswer(std::move(grid));
+  }
+  MAPP_ASSIGN_OR_RETURN(std::vector<bool> redundant, DecodeSampleStates(bytes, num_samples));
+  return OverlapAnswer(SampleStates{std::move(redundant)});
 }
 
 }  // namespace mapp

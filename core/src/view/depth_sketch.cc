@@ -20,11 +20,12 @@ double Percentile(const std::vector<double>& sorted, double share) {
 }  // namespace
 
 uint8_t DepthSketch::EncodeDepth(double depth_m) {
-  const double share = std::log(std::max(depth_m, kNearestM) / kNearestM) / kLnSpan;
-  return static_cast<uint8_t>(1 + std::lround(std::clamp(share, 0.0, 1.0) * kSteps));
+  return static_cast<uint8_t>(std::lround(std::clamp(CodeOfDepth(std::max(depth_m, kNearestM)), 1.0, 1 + kSteps)));
 }
 
-double DepthSketch::DecodeDepth(uint8_t code) { return kNearestM * std::exp((code - 1) / kSteps * kLnSpan); }
+double DepthSketch::CodeOfDepth(double depth_m) { return 1 + std::log(depth_m / kNearestM) / kLnSpan * kSteps; }
+
+double DepthSketch::DepthOfCode(double code) { return kNearestM * std::exp((code - 1) / kSteps * kLnSpan); }
 
 bool DepthSketch::empty() const {
   return std::all_of(cells.begin(), cells.end(), [](const Cell& cell) { return cell.near_code == 0; });
@@ -36,7 +37,7 @@ double DepthSketch::FarthestDepth() const {
   return farthest == 0 ? 0 : DecodeDepth(farthest) * std::exp(kLnDepthPadding);
 }
 
-DepthSketch MakeDepthSketch(const Camera& camera, std::span<const Eigen::Vector3d> p_camera) {
+DepthSketch MakeDepthSketch(const Camera& camera, std::span<const Eigen::Vector3d> p_camera, SketchRange range) {
   std::array<std::vector<double>, DepthSketch::kCells> depths;
   for (const Eigen::Vector3d& point : p_camera) {
     if (point.z() <= 0) continue;
@@ -51,8 +52,8 @@ DepthSketch MakeDepthSketch(const Camera& camera, std::span<const Eigen::Vector3
   for (size_t i = 0; i < depths.size(); ++i) {
     if (depths[i].empty()) continue;
     std::sort(depths[i].begin(), depths[i].end());
-    sketch.cells[i] = {DepthSketch::EncodeDepth(Percentile(depths[i], 0.1)),
-                       DepthSketch::EncodeDepth(Percentile(depths[i], 0.9))};
+    sketch.cells[i] = {DepthSketch::EncodeDepth(Percentile(depths[i], range.near_share)),
+                       DepthSketch::EncodeDepth(Percentile(depths[i], range.far_share))};
   }
   return sketch;
 }

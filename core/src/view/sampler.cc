@@ -158,8 +158,8 @@ SampleSet SampleDepthSketch(const Camera& camera, const DepthSketch& sketch, int
   return set;
 }
 
-OverlapCount CountOverlap(const SampleSet& samples, const std::vector<bool>& sample_redundant,
-                          std::span<const Eigen::Vector3d> own_points) {
+OverlapCount CountBySamples(const SampleSet& samples, const std::vector<bool>& sample_redundant,
+                            std::span<const Eigen::Vector3d> own_points) {
   OverlapCount count;
   count.redundant.assign(own_points.size(), false);
   if (own_points.empty() || sample_redundant.size() != samples.p_camera.size()) return count;

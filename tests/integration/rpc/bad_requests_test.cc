@@ -158,6 +158,13 @@ TEST_F(BadRequestTest, BadQueries) {
                                 .sketch = {}}));
   ExpectRefused(Assess(bad), "view.pose");
   bad = good;
+  bad.mutable_view()->front() = static_cast<char>(bad.view().front() & ~6);  // no sampler
+  ExpectRefused(Assess(bad), "view");
+  bad = good;
+  bad.mutable_view()->front() = static_cast<char>(bad.view().front() | 6);  // occupancy, with a sketch upside down
+  bad.mutable_view()->replace(bad.view().size() - 2, 2, "\x09\x03");
+  ExpectRefused(Assess(bad), "view.sketch[11]");
+  bad = good;
   bad.set_num_samples(1001);
   ExpectRefused(Assess(bad), "num_samples");
   bad = good;

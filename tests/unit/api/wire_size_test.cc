@@ -25,9 +25,12 @@ TEST(WireSizeTest, QueryWithTheLargestIdsFits64Bytes) {
   v1::AssessOverlapRequest request;
   request.set_session_id(std::numeric_limits<uint32_t>::max());
   request.set_keyframe(std::numeric_limits<uint32_t>::max());
-  request.set_view(EncodeViewQuery(view));
   request.set_num_samples(kNumSamples);
-  EXPECT_LE(request.SerializeAsString().size(), kMaxQueryBytes);
+  for (const SamplerKind sampler : {SamplerKind::kUniform, SamplerKind::kDepthSketch, SamplerKind::kOccupancy}) {
+    view.sampler = sampler;
+    request.set_view(EncodeViewQuery(view));
+    EXPECT_LE(request.SerializeAsString().size(), kMaxQueryBytes);
+  }
 }
 
 TEST(WireSizeTest, ResponseToAThousandSamplesFits200Bytes) {
@@ -37,7 +40,7 @@ TEST(WireSizeTest, ResponseToAThousandSamplesFits200Bytes) {
     std::vector<bool> redundant(kNumSamples);
     for (size_t i = 0; i < redundant.size(); ++i) redundant[i] = rng.Below(20) < seed;
     v1::AssessOverlapResponse response;
-    response.set_sample_states(EncodeSampleStates(redundant));
+    response.set_answer(EncodeOverlapAnswer(SampleStates{redundant}));
     response.set_map_revision(std::numeric_limits<uint64_t>::max());
     EXPECT_LE(response.SerializeAsString().size(), kMaxResponseBytes) << "seed " << seed;
   }

@@ -20,6 +20,19 @@ grpc::Status Next(std::deque<grpc::StatusCode>& errors) {
   return {code, "as the test wants it"};
 }
 
+/// All samples in one state, or all bins.
+OverlapAnswer Answer(const ViewQuery& view, size_t num_samples, bool redundant) {
+  if (view.sampler != SamplerKind::kOccupancy) return SampleStates{std::vector<bool>(num_samples, redundant)};
+  OccupancyGrid grid(view.sketch, {});
+  for (int row = 0; row < grid.rows() && redundant; ++row) {
+    for (int column = 0; column < grid.columns(); ++column) {
+      const OccupancyGrid::DepthRange depths = grid.DepthsOf(column, row);
+      for (int i = 0; i < depths.count; ++i) grid.Occupy(column, row, depths.first + i);
+    }
+  }
+  return grid;
+}
+
 }  // namespace
 
 FakeMapService::FakeMapService() {
@@ -104,7 +117,9 @@ grpc::Status FakeMapService::AssessOverlap(grpc::ServerContext*, const v1::Asses
   MutexLock lock(mutex_);
   if (const grpc::Status status = Next(script_.query_errors); !status.ok()) return status;
   queries_.push_back(*request);
-  response->set_sample_states(EncodeSampleStates(std::vector<bool>(request->num_samples(), script_.samples_redundant)));
+  const StatusOr<ViewQuery> view = DecodeViewQuery(request->view());
+  if (!view.ok()) return {grpc::StatusCode::INVALID_ARGUMENT, std::string(view.status().message())};
+  response->set_answer(EncodeOverlapAnswer(Answer(*view, request->num_samples(), script_.samples_redundant)));
   return grpc::Status::OK;
 }
 

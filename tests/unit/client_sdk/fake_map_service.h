@@ -22,7 +22,7 @@ class FakeMapService final : public v1::MapService::Service {
   struct Script {
     /// Sent with every upload's answer; none while the session is to stay unaligned.
     std::optional<Pose3> T_map_session;
-    /// Every sample's state in answers to queries.
+    /// Every sample's state in answers to queries, and whether every bin is occupied.
     bool samples_redundant = false;
     std::vector<Tile> tiles;
     v1::UpdateVerdict verdict = v1::UPDATE_VERDICT_NONE;

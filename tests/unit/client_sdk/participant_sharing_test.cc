@@ -44,6 +44,25 @@ TEST_F(ParticipantTest, WithoutSharingAKnownViewIsNeitherSentNorAskedFor) {
   EXPECT_EQ(participant_->stats().num_skipped, 2U);
 }
 
+TEST_F(ParticipantTest, OccupancyIsAskedAndCountedLikeTheSamplers) {
+  options_.sampler = SamplerKind::kOccupancy;
+  OpenAligned();
+  HandIn(1);
+  ASSERT_THAT(server_.queries(), SizeIs(1));
+  const StatusOr<ViewQuery> query = DecodeViewQuery(server_.queries()[0].view());
+  ASSERT_TRUE(query.ok()) << query.status();
+  EXPECT_EQ(query->sampler, SamplerKind::kOccupancy);
+  EXPECT_FALSE(query->sketch.empty());
+  ASSERT_THAT(server_.uploads(), SizeIs(2)) << "nothing occupied: all fresh";
+  server_.Change([](FakeMapService::Script& script) {
+    script.samples_redundant = true;
+    script.tiles = {TestTile(Revision(1))};
+  });
+  HandIn(2);
+  EXPECT_EQ(participant_->state(), ParticipantState::kSharing);
+  EXPECT_DOUBLE_EQ(participant_->stats().overlap_sum, 1) << "all bins occupied: all known";
+}
+
 TEST_F(ParticipantTest, TellsHowLongEachStepTook) {
   OpenSharing();
   for (uint32_t number = 1; number <= 3; ++number) Frame(number, false);

@@ -21,7 +21,7 @@ ViewQuery RandomQuery(Rng& rng) {
   query.pose_frame = rng.Below(2) == 0 ? PoseFrame::kSession : PoseFrame::kMap;
   const Eigen::Quaterniond rotation(rng.Normal(), rng.Normal(), rng.Normal(), rng.Normal());
   query.T_frame_camera = Pose3(rotation, {rng.Uniform(-50, 50), rng.Uniform(-50, 50), rng.Uniform(-50, 50)});
-  query.sampler = rng.Below(2) == 0 ? SamplerKind::kUniform : SamplerKind::kDepthSketch;
+  query.sampler = static_cast<SamplerKind>(1 + rng.Below(3));
   if (query.sampler == SamplerKind::kUniform) return query;
   for (DepthSketch::Cell& cell : query.sketch.cells) {
     if (rng.Below(4) == 0) continue;
@@ -63,6 +63,9 @@ TEST(ViewQueryTest, RefusesMalformedBytes) {
   std::string unknown = good;
   unknown[0] = static_cast<char>(0xff);
   EXPECT_THAT(message(unknown), StartsWith("view: "));
+  std::string no_sampler = good;
+  no_sampler[0] = static_cast<char>(good[0] & ~6);
+  EXPECT_THAT(message(no_sampler), StartsWith("view: "));
   std::string not_finite = good;
   const float nan = std::numeric_limits<float>::quiet_NaN();
   std::memcpy(not_finite.data() + 1, &nan, sizeof(nan));

@@ -89,7 +89,7 @@ TEST(DepthSketchSamplerTest, AnEmptySketchHasNoSamples) {
   EXPECT_TRUE(SampleDepthSketch(Kinect(), DepthSketch{}, 1000).p_camera.empty());
 }
 
-TEST(CountOverlapTest, VotesFollowTheSamplesAroundThem) {
+TEST(CountBySamplesTest, VotesFollowTheSamplesAroundThem) {
   Rng rng(3);
   const Camera camera = Kinect();
   const std::vector<Eigen::Vector3d> own = WallPoints(rng, 3.0, 600);
@@ -97,28 +97,28 @@ TEST(CountOverlapTest, VotesFollowTheSamplesAroundThem) {
   // The map holds the left half of the wall.
   std::vector<bool> redundant;
   for (const Eigen::Vector3f& p : set.p_camera) redundant.push_back(p.x() < 0);
-  const OverlapCount count = CountOverlap(set, redundant, own);
+  const OverlapCount count = CountBySamples(set, redundant, own);
   int wrong = 0;
   for (size_t i = 0; i < own.size(); ++i) wrong += count.redundant[i] != (own[i].x() < 0) ? 1 : 0;
   EXPECT_LT(wrong, 40);
   EXPECT_NEAR(count.overlap, 0.5, 0.05);
-  EXPECT_EQ(CountOverlap(set, std::vector<bool>(1000, true), own).overlap, 1.0);
-  EXPECT_EQ(CountOverlap(set, std::vector<bool>(1000, false), own).overlap, 0.0);
+  EXPECT_EQ(CountBySamples(set, std::vector<bool>(1000, true), own).overlap, 1.0);
+  EXPECT_EQ(CountBySamples(set, std::vector<bool>(1000, false), own).overlap, 0.0);
 }
 
-TEST(CountOverlapTest, UniformDropsWithinTheRadius) {
+TEST(CountBySamplesTest, UniformDropsWithinTheRadius) {
   const SampleSet set = SampleUniform(1.0, 10.0, 500);
   std::vector<bool> redundant(500, false);
   redundant[42] = true;
   const Eigen::Vector3d at = set.p_camera[42].cast<double>();
   const std::vector<Eigen::Vector3d> own = {at, at + Eigen::Vector3d(0.9 * set.radius, 0, 0),
                                             at + Eigen::Vector3d(1.1 * set.radius, 0, 0)};
-  EXPECT_EQ(CountOverlap(set, redundant, own).redundant, (std::vector<bool>{true, true, false}));
+  EXPECT_EQ(CountBySamples(set, redundant, own).redundant, (std::vector<bool>{true, true, false}));
 }
 
-TEST(CountOverlapTest, AnswersOfAnotherSizeAreNotCounted) {
+TEST(CountBySamplesTest, AnswersOfAnotherSizeAreNotCounted) {
   const SampleSet set = SampleUniform(1.0, 10.0, 10);
-  EXPECT_EQ(CountOverlap(set, std::vector<bool>(9, true), std::vector<Eigen::Vector3d>{{0, 0, 1}}).overlap, 0.0);
+  EXPECT_EQ(CountBySamples(set, std::vector<bool>(9, true), std::vector<Eigen::Vector3d>{{0, 0, 1}}).overlap, 0.0);
 }
 
 }  // namespace

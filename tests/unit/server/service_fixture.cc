@@ -64,14 +64,14 @@ double ServiceFixture::Overlap(const SyntheticWorld& world, const Pose3& T_world
   ViewQuery query;
   query.T_frame_camera = T_world_camera;
   query.sampler = sampler;
-  query.sketch = MakeDepthSketch(camera, own);
-  const StatusOr<OverlapAnswer> answer = service_->AssessOverlap(context_, session, query, kNumSamples);
-  EXPECT_TRUE(answer.ok()) << answer.status();
-  const SampleSet samples = sampler == SamplerKind::kUniform
-                                ? SampleUniform(camera.FieldOfView(), Map().cone_range_m, kNumSamples)
-                                : SampleDepthSketch(camera, query.sketch, kNumSamples);
-  EXPECT_EQ(answer->redundant.size(), samples.p_camera.size());
-  return CountOverlap(samples, answer->redundant, own).overlap;
+  query.sketch = MakeQuerySketch(sampler, camera, own);
+  const StatusOr<AssessedOverlap> assessed = service_->AssessOverlap(context_, session, query, kNumSamples);
+  EXPECT_TRUE(assessed.ok()) << assessed.status();
+  const OverlapQuestion question{camera, Map().cone_range_m, sampler, query.sketch, kNumSamples};
+  if (const auto* states = std::get_if<SampleStates>(&assessed->answer)) {
+    EXPECT_EQ(states->redundant.size(), DrawSamples(question).p_camera.size());
+  }
+  return CountOverlap(question, assessed->answer, own).overlap;
 }
 
 void ServiceFixture::Align(SessionId session) {

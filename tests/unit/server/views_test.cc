@@ -61,9 +61,43 @@ TEST_F(OverlapTest, WhatOnlyFramesFromBehindHaveSeenDoesNotCount) {
   query.T_frame_camera = from_behind;
   const std::vector<Eigen::Vector3d> wall = {{0.5, -1, 2}, {-1, 1, 2}, {-0.6, 0.9, 2}, {1, 0.2, 2}};
   query.sketch = MakeDepthSketch(camera, wall);
-  const StatusOr<OverlapAnswer> answer = service_->AssessOverlap(context_, session_, query, 500);
-  ASSERT_TRUE(answer.ok());
-  EXPECT_EQ(std::count(answer->redundant.begin(), answer->redundant.end(), true), 0);
+  const StatusOr<AssessedOverlap> sampled = service_->AssessOverlap(context_, session_, query, 500);
+  ASSERT_TRUE(sampled.ok());
+  const std::vector<bool>& redundant = std::get<SampleStates>(sampled->answer).redundant;
+  EXPECT_EQ(std::count(redundant.begin(), redundant.end(), true), 0);
+  query.sampler = SamplerKind::kOccupancy;
+  const StatusOr<AssessedOverlap> binned = service_->AssessOverlap(context_, session_, query, 500);
+  ASSERT_TRUE(binned.ok());
+  const auto& grid = std::get<OccupancyGrid>(binned->answer);
+  EXPECT_GT(grid.num_bins(), 0U);
+  EXPECT_EQ(grid.num_occupied(), 0U);
+}
+
+TEST_F(OverlapTest, OccupancyTellsARevisitedViewFromANewOne) {
+  EXPECT_GT(Overlap(world_, seen_, session_, SamplerKind::kOccupancy), 0.9);
+  EXPECT_LT(Overlap(world_, opposite_, session_, SamplerKind::kOccupancy), 0.02);
+}
+
+TEST_F(OverlapTest, OccupiedBinsAreThoseWithAPointSeenAlike) {
+  const Camera camera = SyntheticWorld::DeviceCamera();
+  const std::vector<Eigen::Vector3d> own = OwnPoints(world_.View(seen_, session_, 0, rng_), camera);
+  ViewQuery query;
+  query.T_frame_camera = seen_;
+  query.sampler = SamplerKind::kOccupancy;
+  query.sketch = MakeQuerySketch(query.sampler, camera, own);
+  const StatusOr<AssessedOverlap> assessed = service_->AssessOverlap(context_, session_, query, 1000);
+  ASSERT_TRUE(assessed.ok());
+  const auto& grid = std::get<OccupancyGrid>(assessed->answer);
+  // The view was mapped from here: what the device sees stands where the bins are, and nothing stands elsewhere.
+  OccupancyGrid expected(query.sketch, grid.resolution());
+  for (const Eigen::Vector3d& p_camera : own) {
+    const std::optional<Eigen::Vector3d> location = expected.Locate(camera, p_camera);
+    ASSERT_TRUE(location.has_value());
+    const Eigen::Vector3i bin = location->array().floor().cast<int>();
+    expected.Occupy(bin.x(), bin.y(), bin.z());
+  }
+  EXPECT_GT(grid.num_occupied(), 50U);
+  EXPECT_LT(grid.num_occupied(), 4 * expected.num_occupied());
 }
 
 TEST_F(OverlapTest, GrowsWithTheMap) {
@@ -80,9 +114,14 @@ TEST_F(OverlapTest, UniformSamplerFindsOnlyWhereThePointsAre) {
 }
 
 TEST_F(OverlapTest, EmptySketchHasNoSamples) {
-  const StatusOr<OverlapAnswer> answer = service_->AssessOverlap(context_, session_, ViewQuery{}, 1000);
-  ASSERT_TRUE(answer.ok());
-  EXPECT_TRUE(answer->redundant.empty());
+  const StatusOr<AssessedOverlap> assessed = service_->AssessOverlap(context_, session_, ViewQuery{}, 1000);
+  ASSERT_TRUE(assessed.ok());
+  EXPECT_TRUE(std::get<SampleStates>(assessed->answer).redundant.empty());
+  ViewQuery by_bins;
+  by_bins.sampler = SamplerKind::kOccupancy;
+  const StatusOr<AssessedOverlap> binned = service_->AssessOverlap(context_, session_, by_bins, 1000);
+  ASSERT_TRUE(binned.ok());
+  EXPECT_EQ(std::get<OccupancyGrid>(binned->answer).num_bins(), 0U);
 }
 
 TEST_F(OverlapTest, RefusesWhatItCannotAnswer) {

@@ -113,9 +113,9 @@ class MapClient {
   /// that one stays empty and harms nobody.
   StatusOr<ClientSession> OpenSession(const std::string& map_name, const std::string& device, SensorKind sensor,
                                       const Camera& camera, bool create_map);
-  /// One entry per sample. `num_samples`: K of the query, which is also the number of samples drawn from the view.
-  StatusOr<std::vector<bool>> AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
-                                            size_t num_samples);
+  /// `num_samples`: K of the query, which is also the number of samples drawn from the view.
+  StatusOr<OverlapAnswer> AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
+                                        size_t num_samples);
   StatusOr<ClientUpload> UploadKeyframe(const std::string& packet);
   StatusOr<ClientSharedMap> RequestSharedMap(SessionId session, uint32_t keyframe, const ViewQuery& view,
                                              double oversharing, double overlap,

@@ -3,7 +3,7 @@
 #include "mapp/base/status.h"
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/keyframe.h"
-#include "mapp/view/sampler.h"
+#include "mapp/view/overlap.h"
 
 #include <optional>
 #include <string>
@@ -18,7 +18,7 @@ struct ViewQuery {
   PoseFrame pose_frame = PoseFrame::kSession;
   Pose3 T_frame_camera;
   SamplerKind sampler = SamplerKind::kDepthSketch;
-  DepthSketch sketch;  ///< read by kDepthSketch only
+  DepthSketch sketch;  ///< not sent with kUniform
 };
 
 /// Position as three floats, rotation as the three smallest quaternion components in 16 bits each (0.005 degrees).
@@ -31,5 +31,10 @@ StatusOr<ViewQuery> DecodeViewQuery(std::string_view bytes);
 std::string EncodeSampleStates(const std::vector<bool>& redundant);
 /// INVALID_ARGUMENT when the bytes do not describe exactly `num_samples` samples.
 StatusOr<std::vector<bool>> DecodeSampleStates(std::string_view bytes, size_t num_samples);
+
+/// Sample states or occupied bins, whichever the answer holds.
+std::string EncodeOverlapAnswer(const OverlapAnswer& answer);
+/// The answer to `query`. INVALID_ARGUMENT when the bytes are not one.
+StatusOr<OverlapAnswer> DecodeOverlapAnswer(std::string_view bytes, const ViewQuery& query, size_t num_samples);
 
 }  // namespace mapp

@@ -13,8 +13,9 @@
 
 namespace mapp {
 
-/// How the view cone is sampled (DESIGN 5). The numbers are on the wire.
-enum class SamplerKind : uint8_t { kUniform = 1, kDepthSketch = 2 };
+/// How the map's knowledge of a view is assessed (DESIGN 5): by samples, evenly through the view cone or at the depths
+/// of the sketch, or by the bins of the view that hold points. The numbers are on the wire.
+enum class SamplerKind : uint8_t { kUniform = 1, kDepthSketch = 2, kOccupancy = 3 };
 
 /// The sample points of one query, in the query camera's frame. Both sides derive the same ones.
 struct SampleSet {
@@ -27,6 +28,12 @@ struct SampleSet {
 /// w = (x/z, y/z, ln(z)/2): distances in w are lateral shares of the depth, with depth counted half as strictly.
 inline Eigen::Vector3f ScaledCoordinates(const Eigen::Vector3f& p_camera) {
   return {p_camera.x() / p_camera.z(), p_camera.y() / p_camera.z(), 0.5F * std::log(p_camera.z())};
+}
+
+/// The point with scaled coordinates `w`.
+inline Eigen::Vector3f FromScaledCoordinates(const Eigen::Vector3f& w) {
+  const float z = std::exp(2 * w.z());
+  return {w.x() * z, w.y() * z, z};
 }
 
 /// K points evenly through the cone's volume (a fixed low-discrepancy sequence), r = (volume / K)^(1/3): the paper's.
@@ -46,7 +53,7 @@ struct OverlapCount {
 /// uniform: a point is redundant within r of a REDUNDANT sample (paper section 4.2).
 /// depth_sketch: by vote, more than 2 of its 4 nearest samples REDUNDANT and the nearest within 3a.
 /// `sample_redundant` has one entry per sample; `own_points` are in the camera's frame, metres.
-OverlapCount CountOverlap(const SampleSet& samples, const std::vector<bool>& sample_redundant,
-                          std::span<const Eigen::Vector3d> own_points);
+OverlapCount CountBySamples(const SampleSet& samples, const std::vector<bool>& sample_redundant,
+                            std::span<const Eigen::Vector3d> own_points);
 
 }  // namespace mapp

@@ -2,7 +2,7 @@
 #include "server/service/optimizer.h"
 #include "server/service/registrar.h"
 #include "tests/unit/server/registration/map_fixture.h"
-#include "tests/unit/server/registration/recorded_walk.h"
+#include "tests/support/recorded_walk.h"
 
 #include <gtest/gtest.h>
 

@@ -1,4 +1,4 @@
-#include "tests/unit/server/registration/recorded_walk.h"
+#include "tests/support/recorded_walk.h"
 
 #include "datasets/sequence.h"
 #include "vision/matching.h"
