@@ -106,18 +106,17 @@ StatusOr<Answered> Ask(TileCache& tiles, const MapView& view, const OwnPoints& o
   query.pose_frame = PoseFrame::kMap;
   query.T_frame_camera = view.T_map_camera;
   query.sampler = sampler;
-  if (sampler == SamplerKind::kDepthSketch) query.sketch = MakeDepthSketch(view.camera, own.p_camera);
+  query.sketch = MakeQuerySketch(sampler, view.camera, own.p_camera);
   const std::string query_bytes = EncodeViewQuery(query);
   MAPP_ASSIGN_OR_RETURN(const ViewQuery received, DecodeViewQuery(query_bytes));
   MapView asked = view;
   asked.T_map_camera = received.T_frame_camera;
-  MAPP_ASSIGN_OR_RETURN(const std::vector<bool> states, AssessSamples(tiles, asked, received, num_samples));
-  const SampleSet samples = sampler == SamplerKind::kUniform
-                                ? SampleUniform(view.camera.FieldOfView(), view.range_m, num_samples)
-                                : SampleDepthSketch(view.camera, query.sketch, num_samples);
-  const std::string answer_bytes = EncodeSampleStates(states);
-  MAPP_ASSIGN_OR_RETURN(const std::vector<bool> answer, DecodeSampleStates(answer_bytes, samples.p_camera.size()));
-  return Answered{CountOverlap(samples, answer, own.p_camera), query_bytes.size(), answer_bytes.size()};
+  MAPP_ASSIGN_OR_RETURN(const OverlapAnswer assessed, AssessView(tiles, asked, received, num_samples));
+  const OverlapQuestion question{view.camera, view.range_m, sampler, query.sketch, num_samples};
+  const std::string answer_bytes = EncodeOverlapAnswer(assessed);
+  MAPP_ASSIGN_OR_RETURN(const OverlapAnswer answer,
+                        DecodeOverlapAnswer(answer_bytes, query, DrawSamples(question).p_camera.size()));
+  return Answered{CountOverlap(question, answer, own.p_camera), query_bytes.size(), answer_bytes.size()};
 }
 
 std::optional<double> MatchedShare(const std::vector<JudgedView>& views, const std::vector<Truth>& truths) {

@@ -43,7 +43,7 @@ class OverlapStudyTest : public ServiceFixture {
     options.database_file = (folder_ / "map.db").string();
     options.map_name = "room";
     options.query_sessions = {visitor_};
-    options.samplers = {SamplerKind::kUniform, SamplerKind::kDepthSketch};
+    options.samplers = {SamplerKind::kUniform, SamplerKind::kDepthSketch, SamplerKind::kOccupancy};
     return options;
   }
 
@@ -65,16 +65,16 @@ class OverlapStudyTest : public ServiceFixture {
     const MapView view{Map().id, T_map_camera, SyntheticWorld::DeviceCamera(), Map().cone_range_m};
     ViewQuery query;
     query.sketch = MakeDepthSketch(view.camera, OwnPoints(world_.View(T_map_camera, founder_, 0, rng), view.camera));
-    const auto answer = AssessSamples(tiles, view, query, 1000);
+    const auto answer = AssessView(tiles, view, query, 1000);
     EXPECT_TRUE(answer.ok()) << answer.status();
-    return *answer;
+    return std::get<SampleStates>(*answer).redundant;
   }
 
   SessionId founder_;
   SessionId visitor_;
 };
 
-TEST_F(OverlapStudyTest, TheDefaultTellsKnownViewsFromNew) {
+TEST_F(OverlapStudyTest, SketchAndBinsTellKnownViewsFromNew) {
   Visit(4, 3);
   const OverlapStudy study = MustRun(Options());
   EXPECT_EQ(study.num_views, 7);
@@ -82,20 +82,22 @@ TEST_F(OverlapStudyTest, TheDefaultTellsKnownViewsFromNew) {
   EXPECT_GT(study.num_map_points, 100);
   EXPECT_GT(study.mean_own_points, 50);
   EXPECT_GT(*study.oracle_matched_of_known, 0.9);
-  ASSERT_EQ(study.rows.size(), 2);
-  const OverlapStudyRow& row = study.rows[1];
-  EXPECT_EQ(row.sampler, SamplerKind::kDepthSketch);
-  EXPECT_EQ(row.by_geometry.num_views, 7);
-  // What the visitor has brought of the other half is not in the map that is asked.
-  EXPECT_NEAR(row.by_geometry.mean_true_overlap, 4.0 / 7, 0.05);
-  EXPECT_DOUBLE_EQ(*row.by_geometry.seen.F1(), 1);
-  EXPECT_LT(std::abs(row.by_geometry.bias), 0.05);
-  EXPECT_LT(*row.by_geometry.Lost(), 0.1);
-  EXPECT_LT(*row.by_geometry.Resent(), 0.1);
-  EXPECT_GT(*row.matched_of_known, 0.9);
-  EXPECT_DOUBLE_EQ(*row.localisable_of_seen, 1);
-  EXPECT_LE(row.query_bytes.max, 43);
-  EXPECT_LE(row.answer_bytes.max, 1000 / 8 + 4);
+  ASSERT_EQ(study.rows.size(), 3);
+  for (const OverlapStudyRow& row : std::span(study.rows).subspan(1)) {
+    SCOPED_TRACE(static_cast<int>(row.sampler));
+    EXPECT_EQ(row.by_geometry.num_views, 7);
+    // What the visitor has brought of the other half is not in the map that is asked.
+    EXPECT_NEAR(row.by_geometry.mean_true_overlap, 4.0 / 7, 0.05);
+    EXPECT_DOUBLE_EQ(*row.by_geometry.seen.F1(), 1);
+    EXPECT_LT(std::abs(row.by_geometry.bias), 0.05);
+    EXPECT_LT(*row.by_geometry.Lost(), 0.1);
+    EXPECT_LT(*row.by_geometry.Resent(), 0.1);
+    EXPECT_GT(*row.matched_of_known, 0.9);
+    EXPECT_DOUBLE_EQ(*row.localisable_of_seen, 1);
+    EXPECT_LE(row.query_bytes.max, 43);
+  }
+  EXPECT_EQ(study.rows[2].sampler, SamplerKind::kOccupancy);
+  EXPECT_LE(study.rows[1].answer_bytes.max, 1000 / 8 + 4);
 }
 
 TEST_F(OverlapStudyTest, TheUniformConeNeverSaysSeen) {
