@@ -33,7 +33,7 @@ constexpr double kSeenOverlap = 0.9;
 template <typename T>
 T ValueOrExit(StatusOr<T> value, const char* what) {
   if (value.ok()) return *std::move(value);
-  fmt::print(stderr, "overlap_study: {}: {}\n", what, value.status().ToString());
+  fmt::print(stderr, "occupancy_study: {}: {}\n", what, value.status().ToString());
   std::exit(1);
 }
 
@@ -154,10 +154,10 @@ void ScoreBins(TileCache& tiles, const std::vector<Query>& queries, OccupancyRes
 
 int Main(int argc, char** argv) {
   if (argc < 3) {
-    fmt::print(stderr, "usage: overlap_study MAP_SEQUENCE QUERY_SEQUENCE...\n");
+    fmt::print(stderr, "usage: occupancy_study MAP_SEQUENCE QUERY_SEQUENCE...\n");
     return 2;
   }
-  std::string folder = (std::filesystem::temp_directory_path() / "overlap-study-XXXXXX").string();
+  std::string folder = (std::filesystem::temp_directory_path() / "occupancy-study-XXXXXX").string();
   if (mkdtemp(folder.data()) == nullptr) return 1;
   {
     const auto store = ValueOrExit(OpenSqliteMapStore(folder + "/map.db", {.sync_commits = false}), "store");
