@@ -1,0 +1,286 @@
+#include "sim/features/feature_camera.h"
+
+#include "sim/features/feature_selection.h"
+#include "sim/features/hash.h"
+#include "sim/features/observed_surface.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <bit>
+#include <cmath>
+#include <numbers>
+#include <utility>
+
+namespace mapp::sim {
+namespace {
+
+/// OrbExtractor keeps corners this far from the border of their octave's image.
+constexpr double kBorder_px = 19;
+/// A line of sight ends this much before its landmark, so that the landmark's own surface does not hide it.
+constexpr double kClearance_m = 0.003;
+/// Hash domains.
+enum : uint64_t { kViewNoise = 1, kImageNoise, kForeshortening0, kForeshortening1, kScale, kClutter };
+
+constexpr float kTurn = 2.0F * std::numbers::pi_v<float>;
+
+/// Bits flip this many at a step, at places that the step's hash gives.
+constexpr int kBitsPerStep = 4;
+
+void FlipBits(uint64_t places, int num_bits, OrbDescriptor& descriptor) {
+  for (int i = 0; i < num_bits; ++i, places >>= 8) {
+    descriptor.words[(places >> 6) & 3U] ^= uint64_t{1} << (places & 63U);
+  }
+}
+
+/// Appearance changes with a parameter step by step, each step flipping bits of its own: two views differ by the steps
+/// between them.
+void FlipAlong(double steps, uint64_t appearance, uint64_t domain, OrbDescriptor& descriptor) {
+  const auto num_steps = static_cast<uint64_t>(std::lround(std::abs(steps)));
+  const uint64_t side = Hash(appearance, domain, steps < 0 ? 1 : 0);
+  for (uint64_t i = 0; i < num_steps; ++i) FlipBits(Hash(side, i), kBitsPerStep, descriptor);
+}
+
+/// Poisson-like number of mean `mean`, by the sum of a uniform's position: cheap, and never far off.
+int DrawCount(double mean, Rng& rng) { return static_cast<int>(std::lround(mean * (0.5 + rng.Uniform()))); }
+
+uint64_t AppearanceOf(const TextureCorner& corner) {
+  const std::array<uint64_t, 4>& words = corner.descriptor.words;
+  return words[0] ^ std::rotl(words[1], 17) ^ std::rotl(words[2], 31) ^ std::rotl(words[3], 47);
+}
+
+/// How a landmark looks in this image. A flat patch is squeezed along the direction of tilt by its cosine; which way
+/// round does not matter, hence twice the angle (Mikolajczyk et al. 2005: affine shape has two parameters besides scale
+/// and rotation).
+OrbDescriptor Describe(const FeatureCandidate& candidate, const FeatureView& view, const FeatureNoise& noise,
+                       Rng& rng) {
+  OrbDescriptor descriptor = candidate.corner->descriptor;
+  const uint64_t appearance = AppearanceOf(*candidate.corner);
+  const FeatureSurface& surface = *candidate.surface;
+  const Eigen::Vector3d to_eye_world = -(view.T_world_camera.rotation() * candidate.p_camera);
+  const double along_u = to_eye_world.dot(surface.edge_u_world) / surface.length_u_m;
+  const double along_v = to_eye_world.dot(surface.edge_v_world) / surface.length_v_m;
+  const double squared = along_u * along_u + along_v * along_v;
+  if (squared > 0) {
+    const double steps = -std::log(candidate.view_cosine) * noise.view_bits / kBitsPerStep;
+    const double cos2 = (along_u * along_u - along_v * along_v) / squared;
+    const double sin2 = 2 * along_u * along_v / squared;
+    FlipAlong(steps * cos2, appearance, kForeshortening0, descriptor);
+    FlipAlong(steps * sin2, appearance, kForeshortening1, descriptor);
+  }
+  FlipAlong(candidate.scale_misfit * noise.scale_bits / kBitsPerStep, appearance, kScale, descriptor);
+  // Some corners are described alike in every image, others by comparisons of nearly equal grays.
+  const double fragility = 0.5 + Rng(appearance).Uniform();
+  for (int left = DrawCount(fragility * noise.random_bits, rng); left > 0; left -= kBitsPerStep) {
+    FlipBits(rng.Next(), std::min(left, kBitsPerStep), descriptor);
+  }
+  return descriptor;
+}
+
+/// Direction of the corner's orientation in the image.
+float ImageAngle(const FeatureCandidate& candidate, const FeatureView& view) {
+  const FeatureSurface& surface = *candidate.surface;
+  const auto angle = static_cast<double>(candidate.corner->angle);
+  const Eigen::Vector3d d_world = std::cos(angle) * surface.edge_u_world / surface.length_u_m +
+                                  std::sin(angle) * surface.edge_v_world / surface.length_v_m;
+  const Eigen::Vector3d d_camera = view.T_camera_world.rotation() * d_world;
+  const Eigen::Vector3d& p = candidate.p_camera;
+  return static_cast<float>(
+      std::atan2(d_camera.y() * p.z() - p.y() * d_camera.z(), d_camera.x() * p.z() - p.x() * d_camera.z()));
+}
+
+float Wrap(float angle) {
+  const float wrapped = std::fmod(angle, kTurn);
+  const float positive = wrapped < 0 ? wrapped + kTurn : wrapped;
+  return positive < kTurn ? positive : 0.0F;
+}
+
+/// FAST finds corners at whole pixels of their octave's image.
+float Round(double pixel, double octave_scale, int size_px) {
+  const double rounded = (std::round((pixel + 0.5) / octave_scale - 0.5) + 0.5) * octave_scale - 0.5;
+  return static_cast<float>(std::clamp(rounded, 0.0, size_px - 1.0));
+}
+
+/// Turns what is in sight into what is measured.
+class Sensor {
+ public:
+  Sensor(const CameraRig& rig, const FeatureNoise& noise, const FeatureView& view)
+      : rig_(rig), noise_(noise), view_(view) {}
+
+  ObservedFeature Measure(const FeatureCandidate& candidate, Rng& rng) const {
+    ObservedFeature observed;
+    observed.landmark = candidate.landmark;
+    observed.object_id = candidate.surface->object_id;
+    observed.p_world = view_.T_world_camera * candidate.p_camera;
+    const auto scale = static_cast<double>(OctaveScale(candidate.octave));
+    Keypoint& keypoint = observed.feature.keypoint;
+    keypoint.octave = static_cast<uint8_t>(candidate.octave);
+    const double sigma_px = noise_.pixel_px * scale;
+    keypoint.u_px = Round(candidate.pixel.x() + sigma_px * rng.Normal(), scale, rig_.camera.width_px);
+    keypoint.v_px = Round(candidate.pixel.y() + sigma_px * rng.Normal(), scale, rig_.camera.height_px);
+    keypoint.angle = Wrap(ImageAngle(candidate, view_) + static_cast<float>(noise_.angle_rad * rng.Normal()));
+    observed.feature.descriptor = Describe(candidate, view_, noise_, rng);
+    observed.depth_m = MeasureDepth(candidate.p_camera.z(), scale, rng);
+    return observed;
+  }
+
+  /// A feature that nothing stands behind, at about the depth of a real one.
+  ObservedFeature MakeClutter(const ObservedFeature& near, Rng& rng) const {
+    constexpr double kSpread_px = 40;
+    ObservedFeature clutter;
+    Keypoint& keypoint = clutter.feature.keypoint;
+    keypoint = near.feature.keypoint;
+    keypoint.u_px =
+        Inside(static_cast<double>(keypoint.u_px) + rng.Uniform(-kSpread_px, kSpread_px), rig_.camera.width_px);
+    keypoint.v_px =
+        Inside(static_cast<double>(keypoint.v_px) + rng.Uniform(-kSpread_px, kSpread_px), rig_.camera.height_px);
+    keypoint.angle = Wrap(static_cast<float>(rng.Uniform(0, 2 * std::numbers::pi)));
+    for (uint64_t& word : clutter.feature.descriptor.words) word = rng.Next();
+    clutter.depth_m = near.depth_m;
+    return clutter;
+  }
+
+ private:
+  static float Inside(double pixel, int size_px) {
+    return static_cast<float>(std::clamp(pixel, kBorder_px, size_px - 1 - kBorder_px));
+  }
+
+  float MeasureDepth(double z_m, double octave_scale, Rng& rng) const {
+    const bool missing = rng.Uniform() < noise_.depth_missing_ratio;
+    const bool outlier = rng.Uniform() < noise_.depth_outlier_ratio;
+    const double normal = rng.Normal();
+    const double wrong = outlier ? rng.Uniform(2.0 / 3.0, 4.0 / 3.0) : 1.0;
+    if (missing) return 0;
+    double measured_m = 0;
+    if (rig_.sensor == SensorKind::kRgbd) {
+      measured_m = z_m + noise_.depth_sigma_per_m * z_m * z_m * normal;
+      if (measured_m > noise_.max_depth_m) return 0;
+    } else if (rig_.sensor == SensorKind::kStereo) {
+      const double bf_px_m = view_.focal_px * rig_.T_left_right.translation().norm();
+      const double disparity_px = bf_px_m / z_m + noise_.disparity_px * octave_scale * normal;
+      if (disparity_px <= 0) return 0;
+      measured_m = bf_px_m / disparity_px;
+    }
+    return static_cast<float>(std::max(0.0, measured_m * wrong));
+  }
+
+  const CameraRig& rig_;
+  const FeatureNoise& noise_;
+  const FeatureView& view_;
+};
+
+/// What may be seen: the world as it stands, and the people in it.
+using Scenes = std::vector<std::shared_ptr<const FeatureScene>>;
+
+std::vector<FeatureCandidate> CandidatesIn(const Scenes& scenes, const FeatureView& view) {
+  std::vector<FeatureCandidate> candidates;
+  for (const auto& scene : scenes) {
+    for (size_t i = 0; i < scene->surfaces.size(); ++i) {
+      if (view.MaySee(scene->bounds[i])) FindCandidates(scene->surfaces[i], view, kBorder_px, candidates);
+    }
+  }
+  return candidates;
+}
+
+std::vector<uint8_t> Hidden(const Scenes& scenes, const FeatureView& view,
+                            const std::vector<FeatureCandidate>& candidates, std::span<const size_t> indices) {
+  std::vector<Eigen::Vector3d> p_world;
+  p_world.reserve(indices.size());
+  const Eigen::Matrix3d R_world_camera = view.T_world_camera.RotationMatrix();
+  const Eigen::Vector3d& eye_world = view.T_world_camera.translation();
+  for (const size_t i : indices) p_world.push_back(R_world_camera * candidates[i].p_camera + eye_world);
+  std::vector<uint8_t> hidden(indices.size(), 0);
+  for (const auto& scene : scenes) {
+    const auto by_scene = scene->rays->Occluded(eye_world, p_world, kClearance_m);
+    for (size_t i = 0; i < hidden.size(); ++i) hidden[i] |= by_scene[i];
+  }
+  return hidden;
+}
+
+/// A corner's contrast differs from view to view, for a good part in the same way in views of one kind.
+std::vector<double> ScoresOf(const std::vector<FeatureCandidate>& candidates, const FeatureNoise& noise,
+                             uint64_t image_seed) {
+  std::vector<double> scores;
+  scores.reserve(candidates.size());
+  for (const FeatureCandidate& candidate : candidates) {
+    const auto view_bin = static_cast<uint64_t>(candidate.octave * 64 + std::lround(8 * candidate.view_cosine));
+    Rng by_view(Hash(candidate.landmark, kViewNoise, view_bin));
+    Rng by_image(Hash(candidate.landmark, image_seed));
+    // Sums of two uniforms: of variance 1/6 each.
+    const double triangular = (by_view.Uniform() + by_view.Uniform() + by_image.Uniform() + by_image.Uniform() - 2);
+    const double share = 1 + noise.response_ratio * std::numbers::sqrt3 * triangular;
+    scores.push_back(candidate.response * std::max(share, 0.0));
+  }
+  return scores;
+}
+
+bool InUnit(double value) { return value >= 0 && value <= 1; }
+
+}  // namespace
+
+Status FeatureNoise::Validate() const {
+  if (num_features < 1 || num_features > kMaxFeatures) {
+    return absl::InvalidArgumentError(
+        fmt::format("num_features: must be in [1, {}], got {}", kMaxFeatures, num_features));
+  }
+  const std::pair<const char*, double> sizes[] = {{"pixel_px", pixel_px},
+                                                  {"angle_rad", angle_rad},
+                                                  {"response_ratio", response_ratio},
+                                                  {"random_bits", random_bits},
+                                                  {"view_bits", view_bits},
+                                                  {"scale_bits", scale_bits},
+                                                  {"depth_sigma_per_m", depth_sigma_per_m},
+                                                  {"max_depth_m", max_depth_m},
+                                                  {"disparity_px", disparity_px}};
+  for (const auto& [name, value] : sizes) {
+    if (!(value >= 0) || !std::isfinite(value)) {
+      return absl::InvalidArgumentError(fmt::format("{}: must be a number of at least 0, got {}", name, value));
+    }
+  }
+  const std::pair<const char*, double> ratios[] = {{"clutter_ratio", clutter_ratio},
+                                                   {"depth_missing_ratio", depth_missing_ratio},
+                                                   {"depth_outlier_ratio", depth_outlier_ratio}};
+  for (const auto& [name, value] : ratios) {
+    if (!InUnit(value)) return absl::InvalidArgumentError(fmt::format("{}: must be in [0, 1], got {}", name, value));
+  }
+  return absl::OkStatus();
+}
+
+StatusOr<std::unique_ptr<FeatureCamera>> FeatureCamera::Create(std::shared_ptr<const FeatureWorld> world,
+                                                               const CameraRig& rig, const FeatureNoise& noise,
+                                                               uint64_t seed) {
+  MAPP_RETURN_IF_ERROR(Annotate(rig.camera.Validate(), "camera"));
+  MAPP_RETURN_IF_ERROR(noise.Validate());
+  return std::unique_ptr<FeatureCamera>(new FeatureCamera(std::move(world), rig, noise, seed));
+}
+
+std::vector<ObservedFeature> FeatureCamera::Observe(const Pose3& T_world_camera, int64_t stamp_ns) const {
+  Scenes scenes = {world_->At(stamp_ns)};
+  if (auto passers = world_->PassersAt(stamp_ns)) scenes.push_back(std::move(passers));
+  const FeatureView view(rig_.camera, T_world_camera);
+  const uint64_t image_seed = Hash(seed_, static_cast<uint64_t>(stamp_ns), kImageNoise);
+  const std::vector<FeatureCandidate> candidates = CandidatesIn(scenes, view);
+  const std::vector<double> scores = ScoresOf(candidates, noise_, image_seed);
+  const HiddenTest hidden = [&](std::span<const size_t> indices) { return Hidden(scenes, view, candidates, indices); };
+  const int num_clutter = static_cast<int>(std::lround(noise_.clutter_ratio * noise_.num_features));
+  const std::vector<size_t> selected =
+      SelectFeatures(rig_.camera, candidates, scores, noise_.num_features - num_clutter, hidden);
+
+  const Sensor sensor(rig_, noise_, view);
+  std::vector<ObservedFeature> features;
+  features.reserve(static_cast<size_t>(noise_.num_features));
+  for (const size_t i : selected) {
+    Rng rng(Hash(candidates[i].landmark, image_seed, kClutter));
+    features.push_back(sensor.Measure(candidates[i], rng));
+  }
+  // An image of little contrast has little clutter, too.
+  Rng rng(Hash(image_seed, kClutter));
+  const auto wanted = static_cast<size_t>(std::lround(noise_.clutter_ratio * static_cast<double>(features.size())));
+  const size_t num_real = features.size();
+  for (size_t i = 0; i < wanted; ++i) {
+    features.push_back(sensor.MakeClutter(features[rng.Below(num_real)], rng));
+  }
+  return features;
+}
+
+}  // namespace mapp::sim

@@ -1,0 +1,105 @@
+#pragma once
+
+#include "mapp/base/mutex.h"
+#include "sim/features/texture_corners.h"
+#include "sim/scene.h"
+#include "sim/scene_rays.h"
+#include "sim/world/world.h"
+
+#include <Eigen/Core>
+
+#include <array>
+#include <cstdint>
+#include <map>
+#include <memory>
+#include <mutex>
+#include <optional>
+#include <tuple>
+#include <vector>
+
+namespace mapp::sim {
+
+/// The corners of a texture as a surface shows it, upright or mirrored, with square texels. Found when first asked for;
+/// thread-safe.
+class SurfacePicture {
+ public:
+  /// `log_aspect`: of a texel's width to its height on the surface.
+  SurfacePicture(std::shared_ptr<const Texture> texture, bool flip_u, bool flip_v, double log_aspect);
+  const TextureCorners& corners() const;
+
+ private:
+  GrayImage Draw() const;
+
+  std::shared_ptr<const Texture> texture_;
+  bool flip_u_, flip_v_;
+  double log_aspect_;
+  mutable std::once_flag once_;
+  mutable std::optional<TextureCorners> corners_;
+};
+
+/// A surface with the corners on it. Landmarks are not stored: one is a corner of the picture at a place of the
+/// surface.
+struct FeatureSurface {
+  Eigen::Vector3d corner_world;
+  Eigen::Vector3d edge_u_world;
+  Eigen::Vector3d edge_v_world;
+  Eigen::Vector3d normal_world;
+  double length_u_m = 0;
+  double length_v_m = 0;
+  std::shared_ptr<const SurfacePicture> picture;
+  /// Fraction f of the surface shows fraction start + f * span of the (flipped, repeating) picture.
+  Eigen::Vector2d start;
+  Eigen::Vector2d span;
+  LightGrid light;
+  uint64_t id = 0;  ///< of the surface through time: where its object stands does not matter
+  uint32_t object_id = 0;
+
+  /// Brightness at a fraction of the surface, in [0, 1]^2.
+  double Light(const Eigen::Vector2d& fraction) const;
+};
+
+/// A ball round a surface and the plane it lies in: what is out of sight is seen from these alone.
+struct SurfaceBounds {
+  explicit SurfaceBounds(const FeatureSurface& surface);
+  Eigen::Vector3f center_world;
+  float radius_m;
+  Eigen::Vector3f normal_world;
+  float plane_offset_m;  ///< normal . p of the plane's points
+};
+
+/// The world between two of its changes, or the people in it at a moment. Immutable.
+struct FeatureScene {
+  std::vector<FeatureSurface> surfaces;
+  std::vector<SurfaceBounds> bounds;  ///< of each surface
+  std::unique_ptr<const SceneRays> rays;
+};
+
+/// A world as features. A landmark is a corner of a surface's picture: things with the same textures carry the same
+/// landmarks at the same places with the same descriptors, so that what looks alike in images looks alike here.
+/// Thread-safe.
+class FeatureWorld {
+ public:
+  /// `world` must not be null.
+  explicit FeatureWorld(std::shared_ptr<const World> world);
+
+  /// The surroundings and what stands in them at a time. Built once between two changes.
+  std::shared_ptr<const FeatureScene> At(int64_t stamp_ns) const;
+  /// People at a time: they carry landmarks like anything else, and hide what is behind them. Null without any.
+  std::shared_ptr<const FeatureScene> PassersAt(int64_t stamp_ns) const;
+  const World& world() const { return *world_; }
+
+ private:
+  using PictureKey = std::tuple<const Texture*, bool, bool, int>;
+
+  FeatureSurface MakeSurface(const Quad& quad, uint64_t id) const;
+  std::shared_ptr<const SurfacePicture> PictureOf(const Quad& quad, double log_aspect) const;
+  std::shared_ptr<const FeatureScene> Build(int64_t stamp_ns) const;
+
+  std::shared_ptr<const World> world_;
+  std::vector<int64_t> change_stamps_ns_;
+  mutable Mutex mutex_;
+  mutable std::map<size_t, std::shared_ptr<const FeatureScene>> scenes_ ABSL_GUARDED_BY(mutex_);  ///< by changes so far
+  mutable std::map<PictureKey, std::shared_ptr<const SurfacePicture>> pictures_ ABSL_GUARDED_BY(mutex_);
+};
+
+}  // namespace mapp::sim

@@ -1,0 +1,57 @@
+#pragma once
+
+#include "mapp/camera/camera_model.h"
+#include "mapp/geometry/pose3.h"
+#include "sim/features/feature_world.h"
+
+#include <Eigen/Core>
+
+#include <array>
+#include <cstdint>
+#include <vector>
+
+namespace mapp::sim {
+
+/// A camera at a place, with what culling needs.
+struct FeatureView {
+  FeatureView(const Camera& camera, const Pose3& T_world_camera);
+
+  const Camera& camera;
+  Pose3 T_world_camera;
+  Pose3 T_camera_world;
+  /// Whether some of the surface may be in the image and shows its front.
+  bool MaySee(const SurfaceBounds& bounds) const;
+  bool MaySeeBall(const Eigen::Vector3d& center_camera, double radius_m) const;
+  bool InPyramid(const Eigen::Vector3d& p_camera) const;
+
+  double focal_px;             ///< geometric mean of both axes
+  Eigen::Vector2d min_slopes;  ///< x/z and y/z over the image
+  Eigen::Vector2d max_slopes;
+
+ private:
+  std::array<Eigen::Vector3d, 4> side_normals_camera_;  ///< of the view's pyramid, inwards
+  std::array<Eigen::Vector3f, 4> side_normals_world_;
+};
+
+/// A landmark that would be in the image if nothing hid it.
+struct FeatureCandidate {
+  const FeatureSurface* surface = nullptr;
+  const TextureCorner* corner = nullptr;
+  uint64_t landmark = 0;     ///< of this corner at this place of this surface; never 0
+  Eigen::Vector2d fraction;  ///< place on the surface, in [0, 1]^2
+  Eigen::Vector3d p_camera;  ///< metres
+  Eigen::Vector2d pixel;     ///< exact
+  int octave = 0;            ///< whose pixels are about as large as those the corner was found with
+  double scale_misfit = 0;   ///< in octaves, [-0.5, 0.5]: how much larger the corner appears than at its best
+  double view_cosine = 1;    ///< of the angle between the line of sight and the surface's normal
+  double response = 0;       ///< contrast in gray levels, as lit and foreshortened
+};
+
+/// Surfaces seen more obliquely than this show no corners that could be told apart (78 degrees).
+inline constexpr double kMinViewCosine = 0.2;
+
+/// Appends the surface's landmarks within the image, `border_px` pixels of their octave away from its edge.
+void FindCandidates(const FeatureSurface& surface, const FeatureView& view, double border_px,
+                    std::vector<FeatureCandidate>& candidates);
+
+}  // namespace mapp::sim
