@@ -1,0 +1,55 @@
+#include "sim_device/feature_device.h"
+
+#include "mapp/codec/keyframe_codec.h"
+
+#include <utility>
+
+namespace mapp::sim {
+
+StatusOr<std::unique_ptr<FeatureDevice>> FeatureDevice::Open(std::shared_ptr<const FeatureWorld> world,
+                                                             const CameraRig& rig,
+                                                             const FeatureTrackerOptions& tracker_options,
+                                                             const MapClientOptions& client_options,
+                                                             const ParticipantOptions& options) {
+  MAPP_ASSIGN_OR_RETURN(auto tracker, FeatureTracker::Create(std::move(world), rig, tracker_options));
+  auto device = std::unique_ptr<FeatureDevice>(new FeatureDevice(std::move(tracker)));
+  MAPP_ASSIGN_OR_RETURN(device->participant_, Participant::Open(client_options, options, device->tracker_->camera(),
+                                                                device->tracker_->sensor(), device->tracker_.get()));
+  return device;
+}
+
+FeatureDevice::~FeatureDevice() = default;
+
+TrackingResult FeatureDevice::Step(const Pose3& T_world_camera, int64_t stamp_ns) {
+  const TrackingResult result = tracker_->Track(T_world_camera, stamp_ns);
+  for (Keyframe& keyframe : tracker_->TakeKeyframes()) participant_->OnKeyframe(std::move(keyframe));
+  if (result.shared_map_number > 0) {
+    const SharedMapFrame frame{.shared_map_number = result.shared_map_number,
+                               .num_matches = result.num_shared_matches,
+                               .localized = result.on_shared_map,
+                               .T_session_camera = result.T_session_camera};
+    participant_->OnSharedMapFrame(frame, [this] { return tracker_->MakeKeyframeOfLastFrame(); });
+  }
+  if (!result.would_be_keyframe) return result;
+  if (const std::optional<Keyframe> keyframe = tracker_->MakeKeyframeOfLastFrame()) {
+    ++num_keyframe_equivalents_;
+    keyframe_equivalent_bytes_ += EncodeKeyframe(*keyframe).size();
+  }
+  return result;
+}
+
+Status FeatureDevice::WaitIdle(std::chrono::milliseconds timeout) { return participant_->WaitIdle(timeout); }
+
+Status FeatureDevice::Close(std::chrono::milliseconds timeout, bool wait_for_optimization) {
+  return participant_->Close(timeout, wait_for_optimization);
+}
+
+std::optional<std::vector<TrajectoryPose>> FeatureDevice::TrajectoryInMap() const {
+  const std::optional<Pose3> T_map_session = participant_->T_map_session();
+  if (!T_map_session) return std::nullopt;
+  std::vector<TrajectoryPose> trajectory = tracker_->Trajectory();
+  for (TrajectoryPose& pose : trajectory) pose.T_session_camera = *T_map_session * pose.T_session_camera;
+  return trajectory;
+}
+
+}  // namespace mapp::sim
