@@ -95,6 +95,9 @@ Figures, as in the JSON:
 constexpr std::array kRateChoices = {Choice<ReplayRate>{"max", ReplayRate::kMax},
                                      Choice<ReplayRate>{"real", ReplayRate::kReal}};
 
+constexpr std::array kLevelChoices = {Choice<ReplayLevel>{"images", ReplayLevel::kImages},
+                                      Choice<ReplayLevel>{"features", ReplayLevel::kFeatures}};
+
 void AddPolicies(CLI::App& command, ParticipantOptions& options) {
   AddChoice(command, "--policy", options.policy, kPolicyChoices,
             "map: upload what is fresh; upload_all: every keyframe whole");
@@ -122,6 +125,8 @@ void AddReplay(CLI::App& app, Command& chosen) {
   AddPolicies(*command, options->participation);
   AddChoice(*command, "--rate", options->rate, kRateChoices,
             "max: as fast as it goes, repeatable; real: at the recorded times");
+  AddChoice(*command, "--level", options->level, kLevelChoices,
+            "images, through the built-in tracker; features: of sim: sequences, without drawing them, far faster");
   auto align_by = std::make_shared<std::vector<std::string>>();
   command->add_option("--align-by", *align_by, "TUM files of the map's first session: truth, then trajectory")
       ->expected(2)

@@ -5,7 +5,7 @@
 #include "cli/replay_figures.h"
 #include "cli/replay_player.h"
 #include "cli/replay_report.h"
-#include "cli/sequence_source.h"
+#include "cli/replay_source.h"
 #include "datasets/sequence.h"
 #include "eval/metrics/trajectory_metrics.h"
 #include "mapp/base/process_usage.h"
@@ -30,16 +30,16 @@ struct SessionTrajectory {
   }
 };
 
-SessionTrajectory TrajectoryOf(const Device& device) {
+SessionTrajectory TrajectoryOf(const ReplayDevice& device) {
   if (auto in_map = device.TrajectoryInMap()) return {true, std::move(*in_map)};
-  return {false, device.tracker().Trajectory()};
+  return {false, device.Trajectory()};
 }
 
 /// The alignment of truth and map as the map's first session gives it.
-StatusOr<std::optional<Sim3>> JointAlignment(const ReplayOptions& options, const Sequence& sequence) {
+StatusOr<std::optional<Sim3>> JointAlignment(const ReplayOptions& options, const ReplaySource& source) {
   if (!options.align_by) return std::optional<Sim3>();
-  if (sequence.ground_truth().empty()) {
-    return absl::InvalidArgumentError(fmt::format("--align-by: {} has no ground truth", sequence.name()));
+  if (source.ground_truth().empty()) {
+    return absl::InvalidArgumentError(fmt::format("--align-by: {} has no ground truth", source.name()));
   }
   MAPP_ASSIGN_OR_RETURN(const auto truth, ReadTumTrajectory(options.align_by->truth_file));
   MAPP_ASSIGN_OR_RETURN(const auto trajectory, ReadTumTrajectory(options.align_by->trajectory_file));
@@ -54,9 +54,9 @@ std::optional<double> RmseIfPaired(const StatusOr<TrajectoryError>& error) {
   return error->rmse_m;
 }
 
-void FillErrors(const Sequence& sequence, const SessionTrajectory& trajectory, const std::optional<Sim3>& joint,
+void FillErrors(const ReplaySource& source, const SessionTrajectory& trajectory, const std::optional<Sim3>& joint,
                 ReplayReport& report) {
-  const std::vector<StampedPose>& truth = sequence.ground_truth();
+  const std::vector<StampedPose>& truth = source.ground_truth();
   if (truth.empty()) return;
   report.ate_m = RmseIfPaired(AbsoluteTrajectoryError(truth, trajectory.Stamped(), /*with_scale=*/false));
   if (joint && trajectory.in_map) {
@@ -82,10 +82,10 @@ Status WriteTrajectory(const std::string& file, const SessionTrajectory& traject
   return WriteOutput(file, "# T_session_camera: the session was never aligned with the map\n" + poses, out);
 }
 
-Status WriteFiles(const ReplayOptions& options, const Sequence& sequence, const ReplayReport& report,
+Status WriteFiles(const ReplayOptions& options, const ReplaySource& source, const ReplayReport& report,
                   const SessionTrajectory& trajectory, const std::vector<PlayedFrame>& frames, std::ostream& out) {
-  if (!options.truth_file.empty() && !sequence.ground_truth().empty()) {
-    MAPP_RETURN_IF_ERROR(WriteTumTrajectory(options.truth_file, sequence.ground_truth()));
+  if (!options.truth_file.empty() && !source.ground_truth().empty()) {
+    MAPP_RETURN_IF_ERROR(WriteTumTrajectory(options.truth_file, source.ground_truth()));
   }
   if (!options.trajectory_file.empty()) {
     MAPP_RETURN_IF_ERROR(WriteTrajectory(options.trajectory_file, trajectory, out));
@@ -124,26 +124,25 @@ Status Outcome(const Status& played, const Status& closed, const ParticipantStat
   return Annotate(closed, "closing the session");
 }
 
-StatusOr<std::unique_ptr<Device>> OpenDevice(const ReplayOptions& options, const Sequence& sequence) {
-  MAPP_ASSIGN_OR_RETURN(std::unique_ptr<OrbTracker> tracker, MakeTracker(sequence));
+StatusOr<std::unique_ptr<ReplayDevice>> OpenDevice(const ReplayOptions& options, const ReplaySource& source) {
   MapClientOptions client_options;
   client_options.server_address = options.server;
   ParticipantOptions participant_options = options.participation;
   participant_options.map_name = options.map_name;
   participant_options.device = options.device;
-  return Device::Open(std::move(tracker), client_options, participant_options);
+  return source.Open(client_options, participant_options);
 }
 
 }  // namespace
 
 Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std::ostream& out) {
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<Sequence> sequence, OpenSequenceSource(options.sequence));
-  MAPP_ASSIGN_OR_RETURN(const std::optional<Sim3> joint, JointAlignment(options, *sequence));
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<Device> device, OpenDevice(options, *sequence));
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<ReplaySource> source, OpenReplaySource(options.sequence, options.level));
+  MAPP_ASSIGN_OR_RETURN(const std::optional<Sim3> joint, JointAlignment(options, *source));
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<ReplayDevice> device, OpenDevice(options, *source));
 
   const auto start = std::chrono::steady_clock::now();
   const double cpu_before_s = GetProcessUsage().cpu_s;
-  const PlayedFrames played = Play(*sequence, options.rate, options.patience, stop, *device);
+  const PlayedFrames played = Play(*source, options.rate, options.patience, stop, *device);
   Status closed = device->Close(options.patience, /*wait_for_optimization=*/true);
 
   ReplayReport report = DescribeRun(options);
@@ -159,8 +158,8 @@ Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std:
   const SessionTrajectory trajectory = TrajectoryOf(*device);
   FillFrames(played.frames, report);
   FillParticipation(*device, report);
-  FillErrors(*sequence, trajectory, joint, report);
-  MAPP_RETURN_IF_ERROR(WriteFiles(options, *sequence, report, trajectory, played.frames, out));
+  FillErrors(*source, trajectory, joint, report);
+  MAPP_RETURN_IF_ERROR(WriteFiles(options, *source, report, trajectory, played.frames, out));
   if (options.json_file != "-") out << FormatText(report);
 
   return Outcome(played.status, closed, device->participant().stats());

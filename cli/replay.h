@@ -1,5 +1,6 @@
 #pragma once
 
+#include "cli/replay_source.h"
 #include "mapp/base/status.h"
 #include "mapp/client/participant.h"
 
@@ -26,7 +27,8 @@ struct ReplayOptions {
   std::string server;
   std::string map_name;
   std::string device;
-  std::string sequence;              ///< as OpenSequenceSource takes it
+  std::string sequence;  ///< as OpenSequenceSource takes it
+  ReplayLevel level = ReplayLevel::kImages;
   ParticipantOptions participation;  ///< policies and their settings; map and device are those above
   ReplayRate rate = ReplayRate::kMax;
   std::optional<AlignBy> align_by;
@@ -39,7 +41,8 @@ struct ReplayOptions {
   std::chrono::milliseconds patience{120'000};
 };
 
-/// `mapp replay`: plays a sequence through the built-in tracker against a server, closes the session and reports.
+/// `mapp replay`: plays a sequence through the built-in tracker, or its features through a device
+/// without images, against a server, closes the session and reports.
 /// A stop request ends it after the frame under way: the session is closed, the report written, and the answer is
 /// CANCELLED. So is a sequence that breaks off at a broken image, whose error is then the answer.
 /// ABORTED: keyframes were refused by the server or found no room while it was away; the report counts them.

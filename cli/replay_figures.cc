@@ -52,7 +52,7 @@ void FillFrames(const std::vector<PlayedFrame>& frames, ReplayReport& report) {
   report.latency.localization = localization.Summary();
 }
 
-void FillParticipation(const Device& device, ReplayReport& report) {
+void FillParticipation(const ReplayDevice& device, ReplayReport& report) {
   const ParticipantStats stats = device.participant().stats();
   report.session_id = device.participant().session().value();
   report.keyframes = stats.num_keyframes;
@@ -72,7 +72,7 @@ void FillParticipation(const Device& device, ReplayReport& report) {
   report.update_reports = stats.num_update_reports;
   FillTraffic(stats.traffic, report);
 
-  const LocalMappingStats local_mapping = device.tracker().local_mapping();
+  const LocalMappingStats local_mapping = device.local_mapping();
   report.latency.participant = stats.latency;
   report.latency.local_mapping = local_mapping.latency;
   report.cpu.local_mapping_s = local_mapping.cpu_s;

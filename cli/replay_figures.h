@@ -2,7 +2,7 @@
 
 #include "cli/replay_player.h"
 #include "cli/replay_report.h"
-#include "mapp/client/device.h"
+#include "cli/replay_source.h"
 
 #include <vector>
 
@@ -10,6 +10,6 @@ namespace mapp {
 
 /// What the played frames and the device's participation come to, put into the report.
 void FillFrames(const std::vector<PlayedFrame>& frames, ReplayReport& report);
-void FillParticipation(const Device& device, ReplayReport& report);
+void FillParticipation(const ReplayDevice& device, ReplayReport& report);
 
 }  // namespace mapp

@@ -1,7 +1,6 @@
 #include "cli/replay_player.h"
 
 #include "cli/progress_bar.h"
-#include "mapp/base/process_usage.h"
 
 #include <fmt/format.h>
 
@@ -38,52 +37,34 @@ FrameRole RoleOf(const TrackingResult& tracking) {
   return tracking.on_shared_map && tracking.would_be_keyframe ? FrameRole::kSharedKeyframe : FrameRole::kOrdinary;
 }
 
-StatusOr<PlayedFrame> PlayFrame(const Sequence& sequence, size_t frame_idx, Device& device) {
-  const double cpu_before_s = GetProcessUsage().cpu_s;
-  MAPP_ASSIGN_OR_RETURN(const SequenceFrame frame, sequence.Read(frame_idx));
-  const double reading_cpu_s = GetProcessUsage().cpu_s - cpu_before_s;
-  const TrackerFrame input{frame.stamp_ns, frame.gray.View(), frame.depth_m.View(), frame.right_gray.View()};
-  MAPP_ASSIGN_OR_RETURN(const DevicePose pose, device.Track(input));
-  const TrackingResult& tracking = pose.tracking;
+StatusOr<PlayedFrame> PlayFrame(const ReplaySource& source, size_t frame_idx, ReplayDevice& device) {
+  MAPP_ASSIGN_OR_RETURN(const PlayedStep step, device.Play(frame_idx));
+  const TrackingResult& tracking = step.tracking;
   const bool tracked = tracking.state == TrackingState::kTracking;
-  return PlayedFrame{.stamp_ns = frame.stamp_ns,
+  return PlayedFrame{.stamp_ns = source.stamp_ns(frame_idx),
                      .tracked = tracked,
                      .on_shared_map = tracked && tracking.on_shared_map,
                      .role = RoleOf(tracking),
                      .tracking_ms = tracking.tracking_ms,
                      .tracking_cpu_ms = tracking.tracking_cpu_ms,
-                     .reading_cpu_s = reading_cpu_s};
+                     .reading_cpu_s = step.reading_cpu_s};
 }
 
 }  // namespace
 
-StatusOr<std::unique_ptr<OrbTracker>> MakeTracker(const Sequence& sequence) {
-  switch (sequence.sensor()) {
-    case SensorKind::kRgbd:
-      return OrbTracker::CreateRgbd(sequence.camera(), {});
-    case SensorKind::kStereo:
-      return OrbTracker::CreateStereo(sequence.camera(), *sequence.right_camera(), sequence.T_left_right(), {});
-    case SensorKind::kMono:
-    case SensorKind::kMonoInertial:
-      break;
-  }
-  return absl::InvalidArgumentError(fmt::format("{}: the built-in tracker needs RGB-D or stereo, the sequence is {}",
-                                                sequence.name(), SensorKindName(sequence.sensor())));
-}
-
-PlayedFrames Play(const Sequence& sequence, ReplayRate rate, std::chrono::milliseconds patience,
-                  const std::stop_token& stop, Device& device) {
+PlayedFrames Play(const ReplaySource& source, ReplayRate rate, std::chrono::milliseconds patience,
+                  const std::stop_token& stop, ReplayDevice& device) {
   PlayedFrames played;
-  ProgressBar progress(sequence.name(), sequence.num_frames());
-  Pacer pacer(sequence.stamp_ns(0));
-  for (size_t i = 0; i < sequence.num_frames(); ++i) {
-    if (rate == ReplayRate::kReal) pacer.WaitFor(sequence.stamp_ns(i), stop);
+  ProgressBar progress(source.name(), source.num_frames());
+  Pacer pacer(source.stamp_ns(0));
+  for (size_t i = 0; i < source.num_frames(); ++i) {
+    if (rate == ReplayRate::kReal) pacer.WaitFor(source.stamp_ns(i), stop);
     if (stop.stop_requested()) {
       played.status = absl::CancelledError(
-          fmt::format("interrupted after {} of {} frames; the session was closed", i, sequence.num_frames()));
+          fmt::format("interrupted after {} of {} frames; the session was closed", i, source.num_frames()));
       return played;
     }
-    StatusOr<PlayedFrame> frame = PlayFrame(sequence, i, device);
+    StatusOr<PlayedFrame> frame = PlayFrame(source, i, device);
     if (frame.ok()) {
       played.frames.push_back(*frame);
       if (rate == ReplayRate::kMax) played.status = device.WaitIdle(patience);

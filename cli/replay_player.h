@@ -2,12 +2,10 @@
 
 #include "cli/frame_log.h"
 #include "cli/replay.h"
-#include "datasets/sequence.h"
+#include "cli/replay_source.h"
 #include "mapp/base/status.h"
-#include "mapp/client/device.h"
 
 #include <chrono>
-#include <memory>
 #include <stop_token>
 #include <vector>
 
@@ -29,11 +27,8 @@ struct PlayedFrames {
   Status status;  ///< why it ended before the last frame: CANCELLED by a stop request, else the error
 };
 
-/// The built-in tracker for the sequence's sensors. INVALID_ARGUMENT for a single camera.
-StatusOr<std::unique_ptr<OrbTracker>> MakeTracker(const Sequence& sequence);
-
-/// Feeds the sequence to the device, with a progress bar.
-PlayedFrames Play(const Sequence& sequence, ReplayRate rate, std::chrono::milliseconds patience,
-                  const std::stop_token& stop, Device& device);
+/// Plays all frames of the source on its device, with a progress bar.
+PlayedFrames Play(const ReplaySource& source, ReplayRate rate, std::chrono::milliseconds patience,
+                  const std::stop_token& stop, ReplayDevice& device);
 
 }  // namespace mapp

@@ -1,7 +1,5 @@
 #include "sim_device/feature_device.h"
 
-#include "mapp/codec/keyframe_codec.h"
-
 #include <utility>
 
 namespace mapp::sim {
@@ -32,8 +30,7 @@ TrackingResult FeatureDevice::Step(const Pose3& T_world_camera, int64_t stamp_ns
   }
   if (!result.would_be_keyframe) return result;
   if (const std::optional<Keyframe> keyframe = tracker_->MakeKeyframeOfLastFrame()) {
-    ++num_keyframe_equivalents_;
-    keyframe_equivalent_bytes_ += EncodeKeyframe(*keyframe).size();
+    keyframe_equivalents_ += KeyframeTotals::Of(*keyframe);
   }
   return result;
 }

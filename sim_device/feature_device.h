@@ -30,16 +30,14 @@ class FeatureDevice {
   std::optional<std::vector<TrajectoryPose>> TrajectoryInMap() const;
   const FeatureTracker& tracker() const { return *tracker_; }
   const Participant& participant() const { return *participant_; }
-  uint64_t num_keyframe_equivalents() const { return num_keyframe_equivalents_; }
-  uint64_t keyframe_equivalent_bytes() const { return keyframe_equivalent_bytes_; }
+  const KeyframeTotals& keyframe_equivalents() const { return keyframe_equivalents_; }
 
  private:
   explicit FeatureDevice(std::unique_ptr<FeatureTracker> tracker) : tracker_(std::move(tracker)) {}
 
   std::unique_ptr<FeatureTracker> tracker_;
   std::unique_ptr<Participant> participant_;  ///< ends first: it calls the tracker
-  uint64_t num_keyframe_equivalents_ = 0;
-  uint64_t keyframe_equivalent_bytes_ = 0;
+  KeyframeTotals keyframe_equivalents_;
 };
 
 }  // namespace mapp::sim

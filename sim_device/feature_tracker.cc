@@ -5,6 +5,7 @@
 #include "client_sdk/src/tracker/relocalizer.h"
 #include "client_sdk/src/tracker/shared_localizer.h"
 #include "mapp/base/mutex.h"
+#include "mapp/base/process_usage.h"
 #include "sim/features/hash.h"
 #include "sim_device/keyframe_schedule.h"
 #include "sim_device/landmark_points.h"
@@ -197,6 +198,7 @@ void FeatureTracker::Impl::AddKeyframe(SeenFrame& seen) {
 
 TrackingResult FeatureTracker::Impl::Track(const Pose3& T_world_eye, int64_t stamp_ns) {
   const auto begin = std::chrono::steady_clock::now();
+  const double cpu_before_s = ThreadCpuSeconds();
   ApplyRequest();
   const bool is_first = !T_world_eye_last;
   Move(T_world_eye);
@@ -222,6 +224,7 @@ TrackingResult FeatureTracker::Impl::Track(const Pose3& T_world_eye, int64_t sta
   trajectory.push_back({stamp_ns, T_session_camera, on_shared_map});
   const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begin;
   result.tracking_ms = elapsed.count();
+  result.tracking_cpu_ms = 1e3 * (ThreadCpuSeconds() - cpu_before_s);
   return result;
 }
 

@@ -11,7 +11,7 @@ constexpr int kMinFramesBetween = 2;  // as KeyframePolicy
 /// Features lie this far from the image's border.
 constexpr double kBorder_px = 19;
 /// Angle between two views of a point at which 1/e of the matches are left; measured with ORB in rendered rooms.
-constexpr double kViewAngle_rad = 0.6;
+constexpr double kViewAngle_rad = 0.4;
 
 }  // namespace
 
