@@ -8,8 +8,8 @@
 
 namespace mapp::sim {
 
-/// Random walks that motion adds to the odometry of a device that maps for itself. The defaults are those of the
-/// built-in tracker; docs/evaluation/feature_level.md says how they were found.
+/// Random walks that motion adds to the odometry of a device that maps for itself. The defaults are estimates of the
+/// built-in tracker's drift, not fitted to it.
 struct OdometryNoise {
   /// Sigma of the position's walk after one metre, in each direction; after n metres sqrt(n) times that.
   double position_m = 0.003;

@@ -14,7 +14,8 @@
 
 namespace mapp::sim {
 
-/// What a camera and ORB add to the truth. How the defaults were found: docs/evaluation/feature_level.md.
+/// What a camera and ORB add to the truth. Random, view and contrast noise were set on a rendered room
+/// (docs/evaluation/feature_level.md), the others estimated.
 struct FeatureNoise {
   int num_features = kMaxFeatures;  ///< at most; range [1, kMaxFeatures]
   /// Sigma of a corner's place in pixels of its octave, before it is rounded to them as FAST's corners are.
