@@ -3,6 +3,7 @@
 #include "cli/feature_source.h"
 #include "cli/image_source.h"
 #include "cli/sequence_source.h"
+#include "cli/visit_spec.h"
 #include "sim/room.h"
 
 #include <fmt/format.h>
@@ -27,6 +28,14 @@ StatusOr<std::unique_ptr<ReplaySource>> OpenRoomFeatures(const std::string& name
                            room.session);
 }
 
+StatusOr<std::unique_ptr<ReplaySource>> OpenVisitFeatures(const std::string& name) {
+  MAPP_ASSIGN_OR_RETURN(const VisitSpec spec, ParseVisitSpec(name));
+  MAPP_ASSIGN_OR_RETURN(const auto simulation, sim::Simulate(spec.simulation));
+  const sim::Visit& visit = simulation->visits.at(static_cast<size_t>(spec.user));
+  return MakeFeatureSource(name, std::make_shared<const sim::FeatureWorld>(simulation->world), visit,
+                           static_cast<uint64_t>(visit.poses.front().stamp_ns));
+}
+
 }  // namespace
 
 StatusOr<std::unique_ptr<ReplaySource>> OpenReplaySource(const std::string& name, ReplayLevel level) {
@@ -35,6 +44,7 @@ StatusOr<std::unique_ptr<ReplaySource>> OpenReplaySource(const std::string& name
     return MakeImageSource(std::move(sequence));
   }
   if (const std::optional<RoomSpec> room = ParseRoomSpec(name)) return OpenRoomFeatures(name, *room);
+  if (name.starts_with("sim:")) return OpenVisitFeatures(name);
   return absl::InvalidArgumentError(fmt::format("--level features: {} is not simulated", name));
 }
 
