@@ -21,12 +21,29 @@ if(MAPP_SANITIZE)
   add_link_options(-fsanitize=${MAPP_SANITIZE})
 endif()
 
-# mapp_add_library(NAME core SRCS a.cc [HEADERS_DIR include] [PUBLIC libs] [PRIVATE libs])
+# Three quarters of the time of a build from nothing go into reading the same headers again. scripts/build therefore
+# precompiles them; ccache does not like that, so a developer's build does not.
+option(MAPP_PRECOMPILE "Precompile common headers: twice as fast from nothing, of no use with ccache" OFF)
+set(mapp_common_headers <Eigen/Core> <Eigen/Geometry> <absl/status/status.h> <absl/status/statusor.h> <fmt/format.h>
+  <algorithm> <chrono> <cmath> <cstdint> <functional> <memory> <mutex> <optional> <span> <string> <unordered_map> <vector>)
+set(mapp_test_headers <gmock/gmock.h> <gtest/gtest.h>)
+
+# mapp_precompile(target num_sources [header...])
+# A few sources are read faster than their headers are precompiled.
+function(mapp_precompile target num_sources)
+  if(MAPP_PRECOMPILE AND num_sources GREATER_EQUAL 4)
+    target_precompile_headers(${target} PRIVATE ${ARGN} ${mapp_common_headers})
+  endif()
+endfunction()
+
+# mapp_add_library(NAME core SRCS a.cc [HEADERS_DIR include] [PUBLIC libs] [PRIVATE libs] [PRECOMPILE <x.h>])
 # Creates mapp_<name> with the alias mapp::<name>. Headers are included from the repository's root, or from
 # HEADERS_DIR for the two modules that promise an interface (core, client_sdk).
 function(mapp_add_library)
-  cmake_parse_arguments(ARG "" "NAME;HEADERS_DIR" "SRCS;PUBLIC;PRIVATE" ${ARGN})
+  cmake_parse_arguments(ARG "" "NAME;HEADERS_DIR" "SRCS;PUBLIC;PRIVATE;PRECOMPILE" ${ARGN})
   add_library(mapp_${ARG_NAME} STATIC ${ARG_SRCS})
+  list(LENGTH ARG_SRCS num_sources)
+  mapp_precompile(mapp_${ARG_NAME} ${num_sources} ${ARG_PRECOMPILE})
   add_library(mapp::${ARG_NAME} ALIAS mapp_${ARG_NAME})
   set_target_properties(mapp_${ARG_NAME} PROPERTIES EXPORT_NAME ${ARG_NAME})
   if(ARG_HEADERS_DIR)
@@ -45,14 +62,16 @@ function(mapp_add_executable)
   target_link_libraries(${ARG_NAME} PRIVATE mapp_flags ${ARG_LIBS})
 endfunction()
 
-# mapp_add_test(NAME unit_core LABELS unit core SRCS ... LIBS ... [TIMEOUT s] [SERIAL])
+# mapp_add_test(NAME unit_core LABELS unit core SRCS ... LIBS ... [TIMEOUT s] [SERIAL] [PRECOMPILE <x.h>])
 # One binary a module; each TEST becomes a ctest case.
 function(mapp_add_test)
-  cmake_parse_arguments(ARG "SERIAL" "NAME;TIMEOUT" "SRCS;LIBS;LABELS" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL" "NAME;TIMEOUT" "SRCS;LIBS;LABELS;PRECOMPILE" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
   add_executable(${ARG_NAME} ${ARG_SRCS})
+  list(LENGTH ARG_SRCS num_sources)
+  mapp_precompile(${ARG_NAME} ${num_sources} ${mapp_test_headers} ${ARG_PRECOMPILE})
   set_target_properties(${ARG_NAME} PROPERTIES RUNTIME_OUTPUT_DIRECTORY ${CMAKE_BINARY_DIR}/tests)
   target_link_libraries(${ARG_NAME} PRIVATE mapp_flags ${ARG_LIBS} GTest::gmock GTest::gtest_main)
   target_include_directories(${ARG_NAME} PRIVATE ${PROJECT_SOURCE_DIR})
