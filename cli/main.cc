@@ -1,6 +1,7 @@
 // The `mapp` command line: parses arguments and dispatches; each subcommand has a file of its own.
 
 #include "cli/choices.h"
+#include "cli/eval.h"
 #include "cli/export_map.h"
 #include "cli/interrupt.h"
 #include "cli/maps.h"
@@ -307,11 +308,48 @@ void AddSimulate(CLI::App& app, Command& chosen) {
   AddSimulateRoom(*simulate, chosen);
 }
 
+void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
+  auto options = std::make_shared<EvalOptions>();
+  options->command = command_line;
+  CLI::App* command =
+      app.add_subcommand("eval", "Measure this system the way the paper does, against servers of its own");
+  command->footer("Experiments:\n" + ListExperiments() +
+                  "  all             every one of them\n"
+                  "  report          write CSV, plots and REPORT.md of OUT anew from its results.json");
+  command->add_option("experiment", options->experiment, "One of the experiments below, all, or report")
+      ->required()
+      ->type_name("EXPERIMENT");
+  command
+      ->add_option("--out", options->out,
+                   "Folder of results.json, CSV, plots and REPORT.md; results there are added to")
+      ->default_val("eval-out")
+      ->type_name("DIR");
+  command->add_flag("--quick", options->quick, "Small worlds and short ways: all in under 10 minutes on 2 cores");
+  command->add_option("--seed", options->seed, "Of worlds, ways and noise")->capture_default_str();
+  command->add_option("--flights", options->flights, "True flights for the hall (TUM, T_world_camera); else made up")
+      ->type_name("FILE");
+  command->add_flag("--keep-work", options->keep_work, "Keep databases, logs and reports of the runs in OUT/work");
+  command->callback([options, &chosen] {
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      if (options->experiment == "report") return RunEvalReport(options->out, watcher->token(), std::cout);
+      return RunEval(*options, watcher->token(), std::cout);
+    };
+  });
+}
+
 /// CLI11 misses what is required before it looks at what it did not understand; people look for the latter first.
 std::string UsageError(const CLI::App& app, const CLI::ParseError& error) {
   const std::vector<std::string> not_understood = app.remaining(/*recurse=*/true);
   if (not_understood.empty()) return error.what();
   return fmt::format("unknown command or option: {}", not_understood.front());
+}
+
+/// The command as typed, by the program's name.
+std::string JoinArguments(int argc, char** argv) {
+  std::string line = "mapp";
+  for (int i = 1; i < argc; ++i) line += fmt::format(" {}", argv[i]);
+  return line;
 }
 
 int Main(int argc, char** argv) {
@@ -327,6 +365,7 @@ int Main(int argc, char** argv) {
   AddRender(app, chosen);
   AddServerInfo(app, chosen);
   AddSimulate(app, chosen);
+  AddEval(app, JoinArguments(argc, argv), chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {

@@ -137,12 +137,17 @@ StatusOr<std::unique_ptr<ReplayDevice>> OpenDevice(const ReplayOptions& options,
 
 Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std::ostream& out) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<ReplaySource> source, OpenReplaySource(options.sequence, options.level));
-  MAPP_ASSIGN_OR_RETURN(const std::optional<Sim3> joint, JointAlignment(options, *source));
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<ReplayDevice> device, OpenDevice(options, *source));
+  return RunReplay(options, *source, stop, out);
+}
+
+Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const std::stop_token& stop,
+                 std::ostream& out) {
+  MAPP_ASSIGN_OR_RETURN(const std::optional<Sim3> joint, JointAlignment(options, source));
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<ReplayDevice> device, OpenDevice(options, source));
 
   const auto start = std::chrono::steady_clock::now();
   const double cpu_before_s = GetProcessUsage().cpu_s;
-  const PlayedFrames played = Play(*source, options.rate, options.patience, stop, *device);
+  const PlayedFrames played = Play(source, options.rate, options.patience, stop, *device);
   Status closed = device->Close(options.patience, /*wait_for_optimization=*/true);
 
   ReplayReport report = DescribeRun(options);
@@ -158,8 +163,8 @@ Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std:
   const SessionTrajectory trajectory = TrajectoryOf(*device);
   FillFrames(played.frames, report);
   FillParticipation(*device, report);
-  FillErrors(*source, trajectory, joint, report);
-  MAPP_RETURN_IF_ERROR(WriteFiles(options, *source, report, trajectory, played.frames, out));
+  FillErrors(source, trajectory, joint, report);
+  MAPP_RETURN_IF_ERROR(WriteFiles(options, source, report, trajectory, played.frames, out));
   if (options.json_file != "-") out << FormatText(report);
 
   return Outcome(played.status, closed, device->participant().stats());

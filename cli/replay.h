@@ -48,5 +48,8 @@ struct ReplayOptions {
 /// ABORTED: keyframes were refused by the server or found no room while it was away; the report counts them.
 /// INVALID_ARGUMENT: a sensor the tracker cannot use, or files that do not parse.
 Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std::ostream& out);
+/// The same with what is played given, whatever `options.sequence` says.
+Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const std::stop_token& stop,
+                 std::ostream& out);
 
 }  // namespace mapp

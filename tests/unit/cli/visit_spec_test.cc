@@ -1,5 +1,7 @@
 #include "cli/visit_spec.h"
 
+#include "eval/harness/visit_name.h"
+
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -31,6 +33,28 @@ TEST(ParseVisitSpecTest, ReadsEveryKey) {
   EXPECT_EQ(spec->images.motion_blur, 3);
   EXPECT_DOUBLE_EQ(spec->images.exposure_s.value(), 0.008);
   EXPECT_EQ(spec->user, 4);
+}
+
+TEST(ParseVisitSpecTest, ReadsTheNamesThatTheEvaluationGives) {
+  sim::SimulationOptions options;
+  options.setting = "plaza";
+  options.num_users = 5;
+  options.path_m = 62.5;
+  options.seed = 3;
+  options.cameras = {"d455-640", "euroc"};
+  options.sensor = SensorKind::kMonoInertial;
+  options.rate_hz = 12.5;
+  options.num_changes = 4;
+  options.num_passers = 2;
+  options.textures_folder = "x/y";
+  options.trajectory_files = {"a/b.txt", "c.txt"};
+  options.num_routes = 2;
+  options.max_duration_s = 9.5;
+  const auto spec = ParseVisitSpec(VisitName(options, 4));
+  ASSERT_TRUE(spec.ok()) << spec.status();
+  EXPECT_EQ(VisitName(spec->simulation, spec->user), VisitName(options, 4));
+  EXPECT_EQ(spec->simulation.sensor, SensorKind::kMonoInertial);
+  EXPECT_EQ(spec->simulation.trajectory_files, options.trajectory_files);
 }
 
 TEST(ParseVisitSpecTest, MakesAsManyUsersAsAreNeeded) {

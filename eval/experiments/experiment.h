@@ -1,0 +1,54 @@
+#pragma once
+
+#include "eval/harness/lab.h"
+#include "eval/harness/results.h"
+#include "mapp/base/status.h"
+
+#include <cstdint>
+#include <string>
+#include <vector>
+
+namespace mapp {
+
+enum class Scale {
+  kQuick,  ///< small worlds and short ways: minutes for all experiments
+  kFull,   ///< the paper's sizes
+};
+
+/// What an experiment has to work with.
+struct EvalContext {
+  Lab& lab;
+  Scale scale = Scale::kQuick;
+  uint64_t seed = 1;
+  /// True flights for the hall (TUM, T_world_camera); empty: flights are made up.
+  std::vector<std::string> flights;
+
+  bool quick() const { return scale == Scale::kQuick; }
+};
+
+/// One of the paper's results, measured on this system.
+struct Experiment {
+  std::string name;
+  std::string title;
+  StatusOr<ExperimentResult> (*run)(EvalContext& context);
+};
+
+/// In the order of the paper.
+const std::vector<Experiment>& Experiments();
+
+// One function a result of the paper; each fills tables, setup and remarks. Errors are the lab's.
+StatusOr<ExperimentResult> RunTraffic(EvalContext& context);
+StatusOr<ExperimentResult> RunOverhead(EvalContext& context);
+StatusOr<ExperimentResult> RunHall(EvalContext& context);
+StatusOr<ExperimentResult> RunServerLoad(EvalContext& context);
+StatusOr<ExperimentResult> RunBandwidth(EvalContext& context);
+StatusOr<ExperimentResult> RunLink(EvalContext& context);
+StatusOr<ExperimentResult> RunLatency(EvalContext& context);
+StatusOr<ExperimentResult> RunTrajectoryError(EvalContext& context);
+StatusOr<ExperimentResult> RunReconstruction(EvalContext& context);
+StatusOr<ExperimentResult> RunInjection(EvalContext& context);
+StatusOr<ExperimentResult> RunSharing(EvalContext& context);
+StatusOr<ExperimentResult> RunAlpha(EvalContext& context);
+StatusOr<ExperimentResult> RunOverlap(EvalContext& context);
+
+}  // namespace mapp

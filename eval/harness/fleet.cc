@@ -1,0 +1,116 @@
+#include "eval/harness/fleet.h"
+
+#include "eval/metrics/statistics.h"
+#include "mapp/base/check.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+#include <algorithm>
+#include <functional>
+#include <numeric>
+#include <utility>
+
+namespace mapp {
+
+const char* LevelName(Level level) { return level == Level::kRendered ? "rendered images" : "feature level"; }
+
+namespace {
+
+Policy MakePolicy(std::string name, std::string title, const std::function<void(ParticipantOptions&)>& set) {
+  Policy policy{std::move(name), std::move(title), {}};
+  set(policy.participation);
+  return policy;
+}
+
+std::vector<Policy> MakePolicies() {
+  using P = ParticipantOptions;
+  return {
+      MakePolicy("upload_all", "upload all", [](P& p) { p.policy = UploadPolicy::kUploadAll; }),
+      MakePolicy("depth_sketch", "depth sketch", [](P& p) { p.sampler = SamplerKind::kDepthSketch; }),
+      MakePolicy("uniform", "uniform", [](P& p) { p.sampler = SamplerKind::kUniform; }),
+      MakePolicy("occupancy", "occupancy", [](P& p) { p.sampler = SamplerKind::kOccupancy; }),
+      MakePolicy("no_injection", "no injection", [](P& p) { p.injection = Injection::kNone; }),
+      MakePolicy("random_injection", "random injection", [](P& p) { p.injection = Injection::kRandom; }),
+      MakePolicy("no_sharing", "no sharing", [](P& p) { p.sharing = false; }),
+      MakePolicy("alpha_1", "alpha 1", [](P& p) { p.oversharing = 1; }),
+  };
+}
+
+const char* SamplerName(SamplerKind sampler) {
+  switch (sampler) {
+    case SamplerKind::kUniform:
+      return "uniform";
+    case SamplerKind::kDepthSketch:
+      return "depth_sketch";
+    case SamplerKind::kOccupancy:
+      return "occupancy";
+  }
+  return "?";
+}
+
+const char* InjectionName(Injection injection) {
+  switch (injection) {
+    case Injection::kOften:
+      return "often";
+    case Injection::kNone:
+      return "none";
+    case Injection::kRandom:
+      return "random";
+  }
+  return "?";
+}
+
+}  // namespace
+
+const Policy& PolicyNamed(const std::string& name) {
+  static const std::vector<Policy> kPolicies = MakePolicies();
+  const auto found = std::ranges::find(kPolicies, name, &Policy::name);
+  MAPP_CHECK(found != kPolicies.end());
+  return *found;
+}
+
+std::vector<std::string> ReplayArguments(const ParticipantOptions& participation) {
+  if (participation.policy == UploadPolicy::kUploadAll) return {"--policy", "upload_all"};
+  return {"--policy",    "map",
+          "--sampler",   SamplerName(participation.sampler),
+          "--injection", InjectionName(participation.injection),
+          "--sharing",   participation.sharing ? "on" : "off",
+          "--alpha",     fmt::format("{}", participation.oversharing)};
+}
+
+std::string FleetSpec::Key() const {
+  std::string key = fmt::format(
+      "{} users={} path={} seed={} sensor={} rate={} changes={} passers={} cameras={} "
+      "flights={} textures={} level={} concurrent={} routes={} cut={} reconstruct={}",
+      world.setting, world.num_users, world.path_m, world.seed, static_cast<int>(world.sensor), world.rate_hz,
+      world.num_changes, world.num_passers, fmt::join(world.cameras, "+"), fmt::join(world.trajectory_files, "+"),
+      world.textures_folder, LevelName(level), concurrent, world.num_routes, world.max_duration_s, reconstruct);
+  for (const Participation& device : devices) key += fmt::format(" {}:{}", device.visit, device.policy);
+  return key;
+}
+
+FleetSpec FleetOf(const sim::SimulationOptions& world, Level level, const std::string& policy) {
+  FleetSpec spec;
+  spec.world = world;
+  spec.level = level;
+  for (int visit = 0; visit < world.num_users; ++visit) spec.devices.push_back({visit, policy});
+  return spec;
+}
+
+std::vector<double> Collect(const FleetFigures& fleet, const std::string& path) {
+  std::vector<double> values;
+  for (const DeviceFigures& device : fleet.devices) {
+    if (const auto value = device.report.Get(path)) values.push_back(*value);
+  }
+  return values;
+}
+
+double SumOf(const FleetFigures& fleet, const std::string& path) {
+  const std::vector<double> values = Collect(fleet, path);
+  return std::accumulate(values.begin(), values.end(), 0.0);
+}
+
+std::optional<double> MeanOf(const FleetFigures& fleet, const std::string& path) { return Mean(Collect(fleet, path)); }
+
+}  // namespace mapp

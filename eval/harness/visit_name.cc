@@ -1,0 +1,41 @@
+#include "eval/harness/visit_name.h"
+
+#include <fmt/format.h>
+#include <fmt/ranges.h>
+
+namespace mapp {
+namespace {
+
+const char* SensorKey(SensorKind sensor) {
+  switch (sensor) {
+    case SensorKind::kMono:
+      return "mono";
+    case SensorKind::kMonoInertial:
+      return "mono-inertial";
+    case SensorKind::kStereo:
+      return "stereo";
+    case SensorKind::kRgbd:
+      return "rgbd";
+  }
+  return "rgbd";
+}
+
+}  // namespace
+
+std::string VisitName(const sim::SimulationOptions& options, int user) {
+  std::string name = fmt::format("sim:{}:users={},path={},seed={},sensor={}", options.setting, options.num_users,
+                                 options.path_m, options.seed, SensorKey(options.sensor));
+  if (options.rate_hz > 0) name += fmt::format(",rate={}", options.rate_hz);
+  if (!options.cameras.empty()) name += fmt::format(",camera={}", fmt::join(options.cameras, "+"));
+  if (options.num_changes > 0) name += fmt::format(",changes={}", options.num_changes);
+  if (options.num_passers > 0) name += fmt::format(",passers={}", options.num_passers);
+  if (options.num_routes > 0) name += fmt::format(",routes={}", options.num_routes);
+  if (options.max_duration_s > 0) name += fmt::format(",max-duration={}", options.max_duration_s);
+  if (!options.trajectory_files.empty()) {
+    name += fmt::format(",trajectory={}", fmt::join(options.trajectory_files, "+"));
+  }
+  if (!options.textures_folder.empty()) name += fmt::format(",textures={}", options.textures_folder);
+  return fmt::format("{}/{}", name, user);
+}
+
+}  // namespace mapp
