@@ -1,7 +1,7 @@
 // Times the service's steps on a map made from a sequence, beside a bare gRPC echo of the same sizes in the same run.
 // usage: service_bench [SEQUENCE]   (default: the rendered room)
 
-#include "cli/replay_player.h"
+#include "cli/image_source.h"
 #include "cli/sequence_source.h"
 #include "echo.grpc.pb.h"
 #include "mapp/client/map_client.h"

@@ -9,21 +9,6 @@
 namespace mapp {
 namespace {
 
-/// The built-in tracker for the sequence's sensors.
-StatusOr<std::unique_ptr<OrbTracker>> MakeTracker(const Sequence& sequence) {
-  switch (sequence.sensor()) {
-    case SensorKind::kRgbd:
-      return OrbTracker::CreateRgbd(sequence.camera(), {});
-    case SensorKind::kStereo:
-      return OrbTracker::CreateStereo(sequence.camera(), *sequence.right_camera(), sequence.T_left_right(), {});
-    case SensorKind::kMono:
-    case SensorKind::kMonoInertial:
-      break;
-  }
-  return absl::InvalidArgumentError(fmt::format("{}: the built-in tracker needs RGB-D or stereo, the sequence is {}",
-                                                sequence.name(), SensorKindName(sequence.sensor())));
-}
-
 class ImageDevice final : public ReplayDevice {
  public:
   ImageDevice(const Sequence& sequence, std::unique_ptr<Device> device)
@@ -72,6 +57,20 @@ class ImageSource final : public ReplaySource {
 };
 
 }  // namespace
+
+StatusOr<std::unique_ptr<OrbTracker>> MakeTracker(const Sequence& sequence) {
+  switch (sequence.sensor()) {
+    case SensorKind::kRgbd:
+      return OrbTracker::CreateRgbd(sequence.camera(), {});
+    case SensorKind::kStereo:
+      return OrbTracker::CreateStereo(sequence.camera(), *sequence.right_camera(), sequence.T_left_right(), {});
+    case SensorKind::kMono:
+    case SensorKind::kMonoInertial:
+      break;
+  }
+  return absl::InvalidArgumentError(fmt::format("{}: the built-in tracker needs RGB-D or stereo, the sequence is {}",
+                                                sequence.name(), SensorKindName(sequence.sensor())));
+}
 
 std::unique_ptr<ReplaySource> MakeImageSource(std::unique_ptr<Sequence> sequence) {
   return std::make_unique<ImageSource>(std::move(sequence));
