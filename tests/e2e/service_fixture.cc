@@ -19,6 +19,8 @@ constexpr std::chrono::seconds kServerStartTimeout(30);
 
 std::string MappBinary() { return MAPP_BINARY; }
 
+std::string MappServerBinary() { return MAPP_SERVER_BINARY; }
+
 Finished RunMapp(const std::vector<std::string>& arguments) {
   std::vector<std::string> command = {MappBinary()};
   command.insert(command.end(), arguments.begin(), arguments.end());

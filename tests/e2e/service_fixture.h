@@ -13,8 +13,9 @@
 
 namespace mapp {
 
-/// Path of the real `mapp`, as built.
+/// Paths of the real programs, as built.
 std::string MappBinary();
+std::string MappServerBinary();
 /// Runs `mapp` to its end.
 Finished RunMapp(const std::vector<std::string>& arguments);
 /// Runs `mapp` and expects exit code 1 and exactly one line on stderr that begins with "mapp: "; returns that line.

@@ -1,0 +1,126 @@
+// `mapp eval`: what it refuses, and that its lab measures real runs.
+
+#include "eval/harness/lab.h"
+#include "tests/e2e/service_fixture.h"
+
+#include <gmock/gmock.h>
+#include <gtest/gtest.h>
+
+#include <filesystem>
+#include <fstream>
+#include <sstream>
+
+namespace mapp {
+namespace {
+
+using testing::AllOf;
+using testing::HasSubstr;
+
+std::string ReadAll(const std::filesystem::path& file) {
+  std::ostringstream content;
+  content << std::ifstream(file).rdbuf();
+  return content.str();
+}
+
+std::string Results(int format, const std::string& scale) {
+  std::ostringstream json;
+  json << "{\"format\": " << format << R"(, "version": "1", "commit": "c", "machine": "m", "command": "mapp eval all",)"
+       << "\"scale\": \"" << scale << "\", \"seed\": 1, \"experiments\": []}\n";
+  return json.str();
+}
+
+class EvalBadInputTest : public testing::Test {
+ protected:
+  std::string Out() const { return (folder_.path() / "out").string(); }
+  TempFolder folder_;
+};
+
+TEST_F(EvalBadInputTest, AnUnknownExperimentIsToldWhichThereAre) {
+  EXPECT_THAT(ExpectFailure({"eval", "speed", "--quick", "--out", Out()}),
+              AllOf(HasSubstr("speed"), HasSubstr("traffic"), HasSubstr("overlap")));
+  EXPECT_FALSE(std::filesystem::exists(Out())) << "nothing is made for nothing";
+}
+
+TEST_F(EvalBadInputTest, AFolderThatCannotBeMadeIsNamed) {
+  EXPECT_THAT(ExpectFailure({"eval", "traffic", "--quick", "--out", "/proc/nowhere"}), HasSubstr("/proc/nowhere"));
+}
+
+TEST_F(EvalBadInputTest, ResultsOfAnotherFormatAreRefusedAndLeftAlone) {
+  WriteFile(folder_.path() / "out" / "results.json", Results(9, "quick"));
+  for (const std::vector<std::string>& command :
+       {std::vector<std::string>{"eval", "traffic", "--quick", "--out", Out()},
+        std::vector<std::string>{"eval", "report", "--out", Out()}}) {
+    EXPECT_THAT(ExpectFailure(command), AllOf(HasSubstr("results.json"), HasSubstr("format 9")));
+  }
+  EXPECT_EQ(ReadAll(folder_.path() / "out" / "results.json"), Results(9, "quick"));
+}
+
+TEST_F(EvalBadInputTest, ResultsOfAnotherScaleAreNotMixed) {
+  WriteFile(folder_.path() / "out" / "results.json", Results(1, "full"));
+  EXPECT_THAT(ExpectFailure({"eval", "traffic", "--quick", "--out", Out()}),
+              AllOf(HasSubstr("full"), HasSubstr("--out")));
+}
+
+TEST_F(EvalBadInputTest, AReportNeedsResults) {
+  EXPECT_THAT(ExpectFailure({"eval", "report", "--out", Out()}), HasSubstr("results.json"));
+}
+
+TEST(EvalReportTest, IsWrittenAnewFromResults) {
+  const TempFolder folder;
+  WriteFile(folder.path() / "results.json", Results(1, "quick"));
+  const Finished finished = RunMapp({"eval", "report", "--out", folder.path().string()});
+  EXPECT_EQ(finished.exit_code, 0) << finished.err;
+  EXPECT_THAT(ReadAll(folder.path() / "REPORT.md"), AllOf(HasSubstr("mapp eval all"), HasSubstr("quick scale")));
+}
+
+TEST(LabTest, MeasuresDevicesOnARealServerOnce) {
+  const TempFolder folder;
+  LabOptions options;
+  options.programs = {MappBinary(), MappServerBinary()};
+  options.work_folder = folder.path().string();
+  Lab lab(options, std::stop_token());
+  sim::SimulationOptions world;
+  world.setting = "hall";
+  world.num_users = 1;
+  world.path_m = 5;
+  world.rate_hz = 5;
+  world.sensor = SensorKind::kStereo;
+  FleetSpec spec = FleetOf(world, Level::kRendered, "depth_sketch");
+  spec.reconstruct = true;
+  const auto fleet = lab.Run(spec);
+  ASSERT_TRUE(fleet.ok()) << fleet.status();
+  ASSERT_EQ((*fleet)->devices.size(), 1U);
+  const DeviceFigures& device = (*fleet)->devices[0];
+  EXPECT_GT(device.report.Get("keyframes"), 0);
+  EXPECT_GT(device.report.Get("upload_bytes"), 0);
+  EXPECT_LT(device.report.Get("ate_m"), 0.5);
+  EXPECT_GT(device.server.Get("steps.integration.num_runs"), 0);
+  EXPECT_GT(device.server_usage.rss_bytes, 1'000'000U);
+  ASSERT_TRUE(device.reconstruction.has_value());
+  EXPECT_GT(device.reconstruction->distance_m.count, 100U);
+  EXPECT_LT(device.reconstruction->distance_m.median, 0.2);
+  EXPECT_GT((*fleet)->database_bytes, 10'000U);
+
+  const auto again = lab.Run(spec);
+  ASSERT_TRUE(again.ok());
+  EXPECT_EQ(again->get(), fleet->get()) << "the same fleet is not run twice";
+}
+
+TEST(LabTest, AFailingDeviceIsNamedWithItsLog) {
+  const TempFolder folder;
+  LabOptions options;
+  options.programs = {"/bin/false", MappServerBinary()};
+  options.work_folder = folder.path().string();
+  Lab lab(options, std::stop_token());
+  sim::SimulationOptions world;
+  world.setting = "hall";
+  world.num_users = 1;
+  world.path_m = 5;
+  const auto fleet = lab.Run(FleetOf(world, Level::kRendered, "upload_all"));
+  EXPECT_EQ(fleet.status().code(), absl::StatusCode::kAborted);
+  EXPECT_THAT(std::string(fleet.status().message()),
+              AllOf(HasSubstr("device 0"), HasSubstr("upload_all"), HasSubstr("device_000.log")));
+}
+
+}  // namespace
+}  // namespace mapp
