@@ -91,10 +91,10 @@ ResultSet HeaderOf(const EvalOptions& options) {
   return header;
 }
 
-/// Takes the folder back when it was made for nothing.
-void RemoveIfEmpty(const std::string& folder) {
+/// Takes back a folder that was made for nothing; one that was there before stays.
+void RemoveIfMadeForNothing(const std::string& folder, bool was_there) {
   std::error_code ignored;
-  fs::remove(folder, ignored);  // fails when something is in it
+  if (!was_there) fs::remove(folder, ignored);  // fails when something is in it
 }
 
 Status RunExperiments(const EvalOptions& options, const std::vector<Experiment>& experiments,
@@ -149,9 +149,11 @@ std::string ListExperiments() {
 
 Status RunEval(const EvalOptions& options, const std::stop_token& stop, std::ostream& out) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<Experiment> experiments, Choose(options.experiment));
+  std::error_code ignored;  // what cannot be looked at is not there; Open says what is wrong
+  const bool was_there = fs::exists(options.out, ignored);
   MAPP_ASSIGN_OR_RETURN(ReportFolder folder, ReportFolder::Open(options.out, HeaderOf(options)));
   const Status status = RunExperiments(options, experiments, stop, folder, out);
-  RemoveIfEmpty(options.out);
+  RemoveIfMadeForNothing(options.out, was_there);
   MAPP_RETURN_IF_ERROR(status);
   TellReport(options.out, folder, out);
   return absl::OkStatus();

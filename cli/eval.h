@@ -15,7 +15,7 @@ struct EvalOptions {
   bool quick = false;
   uint64_t seed = 1;
   std::string out;
-  std::vector<std::string> flights;  ///< TUM files, T_world_camera
+  std::vector<std::string> flights;  ///< TUM files, T_world_camera; flown at full scale
   bool keep_work = false;            ///< databases, logs and reports of the runs stay in OUT/work
   std::string command;               ///< as typed, for the report
 };

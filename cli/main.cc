@@ -1,6 +1,5 @@
 // The `mapp` command line: parses arguments and dispatches; each subcommand has a file of its own.
 
-#include "cli/choices.h"
 #include "cli/eval.h"
 #include "cli/export_map.h"
 #include "cli/interrupt.h"
@@ -12,6 +11,7 @@
 #include "cli/sessions.h"
 #include "cli/simulate.h"
 #include "cli/visit_spec.h"
+#include "eval/harness/choices.h"
 #include "sim/world/camera_rig.h"
 #include "sim/world/world.h"
 
@@ -326,7 +326,9 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
       ->type_name("DIR");
   command->add_flag("--quick", options->quick, "Small worlds and short ways: all in under 10 minutes on 2 cores");
   command->add_option("--seed", options->seed, "Of worlds, ways and noise")->capture_default_str();
-  command->add_option("--flights", options->flights, "True flights for the hall (TUM, T_world_camera); else made up")
+  command
+      ->add_option("--flights", options->flights,
+                   "True flights for the hall at full scale (TUM, T_world_camera); else made up")
       ->type_name("FILE");
   command->add_flag("--keep-work", options->keep_work, "Keep databases, logs and reports of the runs in OUT/work");
   command->callback([options, &chosen] {

@@ -1,12 +1,12 @@
 #include "cli/replay.h"
 
-#include "cli/choices.h"
 #include "cli/frame_log.h"
 #include "cli/replay_figures.h"
 #include "cli/replay_player.h"
 #include "cli/replay_report.h"
 #include "cli/replay_source.h"
 #include "datasets/sequence.h"
+#include "eval/harness/choices.h"
 #include "eval/metrics/trajectory_metrics.h"
 #include "mapp/base/process_usage.h"
 #include "text/file_io.h"

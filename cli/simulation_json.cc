@@ -1,6 +1,6 @@
 #include "cli/simulation_json.h"
 
-#include "cli/choices.h"
+#include "eval/harness/choices.h"
 #include "text/json_writer.h"
 
 #include <fmt/format.h>

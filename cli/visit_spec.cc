@@ -1,6 +1,6 @@
 #include "cli/visit_spec.h"
 
-#include "cli/choices.h"
+#include "eval/harness/choices.h"
 #include "sim/world/world.h"
 
 #include <fmt/format.h>

@@ -21,9 +21,9 @@ if(MAPP_SANITIZE)
   add_link_options(-fsanitize=${MAPP_SANITIZE})
 endif()
 
-# Three quarters of the time of a build from nothing go into reading the same headers again. scripts/build therefore
-# precompiles them; ccache does not like that, so a developer's build does not.
-option(MAPP_PRECOMPILE "Precompile common headers: twice as fast from nothing, of no use with ccache" OFF)
+# Most of the time of a build from nothing goes into reading the same headers again. scripts/build therefore precompiles
+# them where there is no ccache, which would not know a file again.
+option(MAPP_PRECOMPILE "Precompile common headers: for builds from nothing, of no use with ccache" OFF)
 set(mapp_common_headers <Eigen/Core> <Eigen/Geometry> <absl/status/status.h> <absl/status/statusor.h> <fmt/format.h>
   <algorithm> <chrono> <cmath> <cstdint> <functional> <memory> <mutex> <optional> <span> <string> <unordered_map> <vector>)
 set(mapp_test_headers <gmock/gmock.h> <gtest/gtest.h>)

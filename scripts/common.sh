@@ -17,7 +17,7 @@ die() {
 # Configures build/release when that was not done yet. The build itself notices changed CMake files.
 configure_release() {
   local options=()
-  # Precompiled headers halve a build from nothing, and keep ccache from knowing a file again.
+  # Precompiled headers save reading them again in a build from nothing, and keep ccache from knowing a file.
   command -v ccache >/dev/null || options+=(-DMAPP_PRECOMPILE=ON)
   if [[ ! -f "$build_dir/build.ninja" ]]; then
     mkdir -p "$repo_dir/build"

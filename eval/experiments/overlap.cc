@@ -2,6 +2,7 @@
 
 #include "eval/experiments/experiment.h"
 #include "eval/experiments/scenarios.h"
+#include "eval/harness/choices.h"
 #include "eval/overlap_study.h"
 #include "storage/sqlite/sqlite_map_store.h"
 
@@ -9,20 +10,6 @@
 
 namespace mapp {
 namespace {
-
-constexpr const char* kMapName = "eval";
-
-const char* TitleOf(SamplerKind sampler) {
-  switch (sampler) {
-    case SamplerKind::kUniform:
-      return "uniform";
-    case SamplerKind::kDepthSketch:
-      return "depth sketch";
-    case SamplerKind::kOccupancy:
-      return "occupancy";
-  }
-  return "?";
-}
 
 /// The second half of the map's sessions, whose keyframes are asked about; the map is what the first half brought.
 StatusOr<std::vector<SessionId>> QuerySessions(const std::string& database) {
@@ -61,12 +48,12 @@ Tables EmptyTables() {
 void AddRows(const std::string& setting, const OverlapStudy& study, Tables& tables) {
   for (const OverlapStudyRow& row : study.rows) {
     const OverlapScore& g = row.by_geometry;
-    tables.geometry.rows.push_back({setting, TitleOf(row.sampler), Cell(g.seen.F1()), Cell(g.Lost()), Cell(g.Resent()),
-                                    g.bias, g.rmse, Cell(g.points.Precision()), Cell(g.points.Recall()), g.mean_overlap,
-                                    g.mean_true_overlap, row.query_bytes.mean, row.answer_bytes.mean,
-                                    static_cast<double>(study.num_views)});
+    tables.geometry.rows.push_back({setting, NameOf(kSamplerChoices, row.sampler), Cell(g.seen.F1()), Cell(g.Lost()),
+                                    Cell(g.Resent()), g.bias, g.rmse, Cell(g.points.Precision()),
+                                    Cell(g.points.Recall()), g.mean_overlap, g.mean_true_overlap, row.query_bytes.mean,
+                                    row.answer_bytes.mean, static_cast<double>(study.num_views)});
     const OverlapScore& d = row.by_descriptor;
-    tables.descriptors.rows.push_back({setting, TitleOf(row.sampler), Cell(d.seen.F1()), Cell(d.Lost()),
+    tables.descriptors.rows.push_back({setting, NameOf(kSamplerChoices, row.sampler), Cell(d.seen.F1()), Cell(d.Lost()),
                                        Cell(d.Resent()), Cell(row.matched_of_known), Cell(row.localisable_of_seen)});
   }
   tables.descriptors.rows.push_back(
@@ -85,7 +72,7 @@ StatusOr<ExperimentResult> RunOverlap(EvalContext& context) {
     MAPP_ASSIGN_OR_RETURN(const auto fleet, context.lab.Run(spec));
     OverlapStudyOptions options;
     options.database_file = fleet->database;
-    options.map_name = kMapName;
+    options.map_name = kEvalMapName;
     MAPP_ASSIGN_OR_RETURN(options.query_sessions, QuerySessions(fleet->database));
     options.samplers = {SamplerKind::kUniform, SamplerKind::kDepthSketch, SamplerKind::kOccupancy};
     StatusOr<OverlapStudy> study = RunOverlapStudy(options);

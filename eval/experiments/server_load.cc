@@ -76,7 +76,7 @@ StatusOr<ExperimentResult> RunServerLoad(EvalContext& context) {
   result.remarks = {
       "Optimization is bounded by what the session touched, not by the map: its time is that of each user's "
       "own closing. CPU is the server's in all since its start.",
-      "Memory holds caches up to --cache-mb, whatever the policy: the maps here are smaller than the cache."};
+      "Memory is what the process holds once the user's session is closed and optimized; it is not taken apart."};
   return result;
 }
 

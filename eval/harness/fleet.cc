@@ -1,5 +1,6 @@
 #include "eval/harness/fleet.h"
 
+#include "eval/harness/choices.h"
 #include "eval/metrics/statistics.h"
 #include "mapp/base/check.h"
 
@@ -37,30 +38,6 @@ std::vector<Policy> MakePolicies() {
   };
 }
 
-const char* SamplerName(SamplerKind sampler) {
-  switch (sampler) {
-    case SamplerKind::kUniform:
-      return "uniform";
-    case SamplerKind::kDepthSketch:
-      return "depth_sketch";
-    case SamplerKind::kOccupancy:
-      return "occupancy";
-  }
-  return "?";
-}
-
-const char* InjectionName(Injection injection) {
-  switch (injection) {
-    case Injection::kOften:
-      return "often";
-    case Injection::kNone:
-      return "none";
-    case Injection::kRandom:
-      return "random";
-  }
-  return "?";
-}
-
 }  // namespace
 
 const Policy& PolicyNamed(const std::string& name) {
@@ -71,11 +48,12 @@ const Policy& PolicyNamed(const std::string& name) {
 }
 
 std::vector<std::string> ReplayArguments(const ParticipantOptions& participation) {
-  if (participation.policy == UploadPolicy::kUploadAll) return {"--policy", "upload_all"};
-  return {"--policy",    "map",
-          "--sampler",   SamplerName(participation.sampler),
-          "--injection", InjectionName(participation.injection),
-          "--sharing",   participation.sharing ? "on" : "off",
+  const std::string policy = NameOf(kPolicyChoices, participation.policy);
+  if (participation.policy == UploadPolicy::kUploadAll) return {"--policy", policy};
+  return {"--policy",    policy,
+          "--sampler",   NameOf(kSamplerChoices, participation.sampler),
+          "--injection", NameOf(kInjectionChoices, participation.injection),
+          "--sharing",   NameOf(kSwitchChoices, participation.sharing),
           "--alpha",     fmt::format("{}", participation.oversharing)};
 }
 

@@ -31,6 +31,9 @@ const Policy& PolicyNamed(const std::string& name);
 /// The options of `mapp replay` that give a device these settings.
 std::vector<std::string> ReplayArguments(const ParticipantOptions& participation);
 
+/// The name of the map that a fleet builds.
+inline constexpr const char* kEvalMapName = "eval";
+
 /// One device's turn.
 struct Participation {
   int visit = 0;       ///< of the simulation

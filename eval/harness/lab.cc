@@ -22,7 +22,6 @@ namespace {
 
 namespace fs = std::filesystem;
 
-constexpr const char* kMapName = "eval";
 constexpr std::chrono::seconds kToolTimeout{120};
 
 /// Files of one device's run.
@@ -83,9 +82,9 @@ struct Lab::Impl {
     if (stage.spec.level == Level::kFeatures) return PlayFeatures(stage, device);
     const RunFiles files = FilesOf(stage, device);
     ChildOptions child;
-    child.command = {programs().mapp, "replay",   "--server",         stage.server->address(),
-                     "--map",         kMapName,   "--device",         fmt::format("device_{}", device),
-                     "--json",        files.json, "--trajectory-out", files.trajectory,
+    child.command = {programs().mapp, "replay",     "--server",         stage.server->address(),
+                     "--map",         kEvalMapName, "--device",         fmt::format("device_{}", device),
+                     "--json",        files.json,   "--trajectory-out", files.trajectory,
                      "--truth-out",   files.truth};
     const auto policy = ReplayArguments(PolicyNamed(stage.spec.devices[device].policy).participation);
     child.command.insert(child.command.end(), policy.begin(), policy.end());
@@ -104,7 +103,7 @@ struct Lab::Impl {
     const RunFiles files = FilesOf(stage, device);
     FeatureRun run;
     run.server = stage.server->address();
-    run.map_name = kMapName;
+    run.map_name = kEvalMapName;
     run.device = fmt::format("device_{}", device);
     run.participation = PolicyNamed(stage.spec.devices[device].policy).participation;
     run.simulation = stage.simulation;
@@ -160,7 +159,7 @@ struct Lab::Impl {
 
   StatusOr<ReconstructionError> Reconstruct(const Stage& stage, size_t device) const {
     const std::string file = fmt::format("{}/map_{:03d}.ply", stage.folder, device);
-    MAPP_RETURN_IF_ERROR(RunTool(stage, {"export", "--map", kMapName, "--ascii", "--out", file}, file + ".txt"));
+    MAPP_RETURN_IF_ERROR(RunTool(stage, {"export", "--map", kEvalMapName, "--ascii", "--out", file}, file + ".txt"));
     MAPP_ASSIGN_OR_RETURN(const std::vector<Eigen::Vector3d> p_map, ReadAsciiPly(file));
     const sim::Visit& visit = stage.simulation->visits.at(static_cast<size_t>(stage.spec.devices[device].visit));
     const sim::SceneRays truth(

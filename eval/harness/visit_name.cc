@@ -1,30 +1,15 @@
 #include "eval/harness/visit_name.h"
 
+#include "eval/harness/choices.h"
+
 #include <fmt/format.h>
 #include <fmt/ranges.h>
 
 namespace mapp {
-namespace {
-
-const char* SensorKey(SensorKind sensor) {
-  switch (sensor) {
-    case SensorKind::kMono:
-      return "mono";
-    case SensorKind::kMonoInertial:
-      return "mono-inertial";
-    case SensorKind::kStereo:
-      return "stereo";
-    case SensorKind::kRgbd:
-      return "rgbd";
-  }
-  return "rgbd";
-}
-
-}  // namespace
 
 std::string VisitName(const sim::SimulationOptions& options, int user) {
   std::string name = fmt::format("sim:{}:users={},path={},seed={},sensor={}", options.setting, options.num_users,
-                                 options.path_m, options.seed, SensorKey(options.sensor));
+                                 options.path_m, options.seed, NameOf(kSensorChoices, options.sensor));
   if (options.rate_hz > 0) name += fmt::format(",rate={}", options.rate_hz);
   if (!options.cameras.empty()) name += fmt::format(",camera={}", fmt::join(options.cameras, "+"));
   if (options.num_changes > 0) name += fmt::format(",changes={}", options.num_changes);

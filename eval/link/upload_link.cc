@@ -64,8 +64,10 @@ class Sink {
         const size_t allowed = rate_bytes_s_ ? static_cast<size_t>(tokens) : buffer_.size();
         if (allowed == 0) break;
         const ssize_t got = recv(entries[device].fd, buffer_.data(), std::min(allowed, buffer_.size()), MSG_DONTWAIT);
-        if (got <= 0) {
-          if (got == 0) entries[device].fd = -1;  // poll leaves it out from now on
+        if (got < 0 && (errno == EAGAIN || errno == EINTR)) continue;
+        if (got < 0) return absl::InternalError(fmt::format("recv: {}", std::strerror(errno)));
+        if (got == 0) {
+          entries[device].fd = -1;  // the device is done; poll leaves it out from now on
           continue;
         }
         tokens -= static_cast<double>(got);
