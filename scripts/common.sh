@@ -16,12 +16,9 @@ die() {
 
 # Configures build/release when that was not done yet. The build itself notices changed CMake files.
 configure_release() {
-  local options=()
-  # Precompiled headers save reading them again in a build from nothing, and keep ccache from knowing a file.
-  command -v ccache >/dev/null || options+=(-DMAPP_PRECOMPILE=ON)
   if [[ ! -f "$build_dir/build.ninja" ]]; then
     mkdir -p "$repo_dir/build"
-    (cd "$repo_dir" && cmake --preset release "${options[@]}" >"$build_dir.configure.log" 2>&1) || {
+    (cd "$repo_dir" && cmake --preset release >"$build_dir.configure.log" 2>&1) || {
       tail -n 30 "$build_dir.configure.log" >&2
       die "configuring failed; the whole log is $build_dir.configure.log"
     }
