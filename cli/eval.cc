@@ -7,7 +7,9 @@
 #include "eval/harness/report_folder.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
+#include <algorithm>
 #include <chrono>
 #include <filesystem>
 #include <map>
@@ -19,14 +21,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-StatusOr<std::vector<Experiment>> Choose(const std::string& name) {
-  if (name == "all") return Experiments();
+/// The experiment of this name, or all; those that measure in none of the context's settings are left out.
+StatusOr<std::vector<Experiment>> Choose(const std::string& name, const std::vector<std::string>& settings) {
+  std::vector<Experiment> chosen;
   std::string names = "all";
+  bool is_known = name == "all";
   for (const Experiment& experiment : Experiments()) {
-    if (experiment.name == name) return std::vector<Experiment>{experiment};
     names += ", " + experiment.name;
+    if (name != "all" && name != experiment.name) continue;
+    is_known = true;
+    const bool is_chosen =
+        settings.empty() || std::ranges::find_first_of(experiment.settings, settings) != experiment.settings.end();
+    if (is_chosen) chosen.push_back(experiment);
   }
-  return absl::InvalidArgumentError(fmt::format("no experiment {}; there are {}", name, names));
+  if (!is_known) return absl::InvalidArgumentError(fmt::format("no experiment {}; there are {}", name, names));
+  if (chosen.empty()) {
+    return absl::InvalidArgumentError(
+        fmt::format("{} measures nothing in {}", name, fmt::join(settings, " or ")));
+  }
+  return chosen;
 }
 
 /// Removed when it goes, unless it is to be kept.
@@ -117,7 +130,8 @@ Status RunExperiments(const EvalOptions& options, const std::vector<Experiment>&
     return features.Play(run, stop_run);
   };
   Lab lab(lab_options, stop);
-  EvalContext context{lab, options.quick ? Scale::kQuick : Scale::kFull, options.seed, options.flights};
+  EvalContext context{lab, options.quick ? Scale::kQuick : Scale::kFull, options.seed, options.flights,
+                      options.settings};
   for (; num_done < experiments.size(); ++num_done) {
     const Experiment& experiment = experiments[num_done];
     const auto start = std::chrono::steady_clock::now();
@@ -148,7 +162,7 @@ std::string ListExperiments() {
 }
 
 Status RunEval(const EvalOptions& options, const std::stop_token& stop, std::ostream& out) {
-  MAPP_ASSIGN_OR_RETURN(const std::vector<Experiment> experiments, Choose(options.experiment));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<Experiment> experiments, Choose(options.experiment, options.settings));
   std::error_code ignored;  // what cannot be looked at is not there; Open says what is wrong
   const bool was_there = fs::exists(options.out, ignored);
   MAPP_ASSIGN_OR_RETURN(ReportFolder folder, ReportFolder::Open(options.out, HeaderOf(options)));

@@ -327,6 +327,11 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
   command->add_flag("--quick", options->quick, "Small worlds and short ways: all in under 10 minutes on 2 cores");
   command->add_option("--seed", options->seed, "Of worlds, ways and noise")->capture_default_str();
   command
+      ->add_option("--setting", options->settings,
+                   "Measure in these settings only; experiments that need others are left out")
+      ->check(CLI::IsMember(sim::SettingNames()))
+      ->type_name("SETTING");
+  command
       ->add_option("--flights", options->flights,
                    "True flights for the hall at full scale (TUM, T_world_camera); else made up")
       ->type_name("FILE");

@@ -1,24 +1,35 @@
 #include "eval/experiments/experiment.h"
 
+#include <algorithm>
+#include <iterator>
+
 namespace mapp {
 
 const std::vector<Experiment>& Experiments() {
   static const std::vector<Experiment> kExperiments = {
-      {"traffic", "Upload traffic and freshness per user", RunTraffic},
-      {"overhead", "Traffic overhead of queries and responses", RunOverhead},
-      {"hall", "Machine hall: accuracy and traffic per flight", RunHall},
-      {"server", "Server: optimization time and memory against users", RunServerLoad},
-      {"bandwidth", "Server: bandwidth demand of concurrent users", RunBandwidth},
-      {"link", "Upload latency over a limited link", RunLink},
-      {"latency", "Latency of each step", RunLatency},
-      {"ate", "Trajectory error in every setting", RunTrajectoryError},
-      {"reconstruction", "Map reconstruction error against users", RunReconstruction},
-      {"injection", "Redundancy injection", RunInjection},
-      {"sharing", "Map sharing: what it saves the device", RunSharing},
-      {"alpha", "Oversharing factor", RunAlpha},
-      {"overlap", "Overlap estimators against the oracle", RunOverlap},
+      {"traffic", "Upload traffic and freshness per user", {"garage", "plaza"}, RunTraffic},
+      {"overhead", "Traffic overhead of queries and responses", {"garage"}, RunOverhead},
+      {"hall", "Machine hall: accuracy and traffic per flight", {"hall"}, RunHall},
+      {"server", "Server: optimization time and memory against users", {"garage"}, RunServerLoad},
+      {"bandwidth", "Server: bandwidth demand of concurrent users", {"garage"}, RunBandwidth},
+      {"link", "Upload latency over a limited link", {"garage"}, RunLink},
+      {"latency", "Latency of each step", {"hall"}, RunLatency},
+      {"ate", "Trajectory error in every setting", {"garage", "plaza", "hall", "city"}, RunTrajectoryError},
+      {"reconstruction", "Map reconstruction error against users", {"city"}, RunReconstruction},
+      {"injection", "Redundancy injection", {"garage"}, RunInjection},
+      {"sharing", "Map sharing: what it saves the device", {"garage", "plaza"}, RunSharing},
+      {"alpha", "Oversharing factor", {"garage"}, RunAlpha},
+      {"overlap", "Overlap estimators against the oracle", {"garage", "plaza", "hall"}, RunOverlap},
   };
   return kExperiments;
+}
+
+std::vector<std::string> EvalContext::Chosen(const std::vector<std::string>& of) const {
+  if (settings.empty()) return of;
+  std::vector<std::string> chosen;
+  std::ranges::copy_if(of, std::back_inserter(chosen),
+                       [this](const std::string& setting) { return std::ranges::count(settings, setting) > 0; });
+  return chosen;
 }
 
 }  // namespace mapp

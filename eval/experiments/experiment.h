@@ -22,14 +22,19 @@ struct EvalContext {
   uint64_t seed = 1;
   /// True flights for the hall (TUM, T_world_camera); empty: flights are made up.
   std::vector<std::string> flights;
+  /// Settings to measure in; empty: all.
+  std::vector<std::string> settings;
 
   bool quick() const { return scale == Scale::kQuick; }
+  /// Those of an experiment's settings that are to be measured in.
+  std::vector<std::string> Chosen(const std::vector<std::string>& of) const;
 };
 
 /// One of the paper's results, measured on this system.
 struct Experiment {
   std::string name;
   std::string title;
+  std::vector<std::string> settings;  ///< that it measures in; at full scale perhaps more than at the quick one
   StatusOr<ExperimentResult> (*run)(EvalContext& context);
 };
 

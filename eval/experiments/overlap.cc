@@ -65,8 +65,8 @@ void AddRows(const std::string& setting, const OverlapStudy& study, Tables& tabl
 StatusOr<ExperimentResult> RunOverlap(EvalContext& context) {
   ExperimentResult result;
   Tables tables = EmptyTables();
-  for (const char* setting : {"garage", "plaza", "hall"}) {
-    const bool hall = std::string(setting) == "hall";
+  for (const std::string& setting : context.Chosen({"garage", "plaza", "hall"})) {
+    const bool hall = setting == "hall";
     const FleetSpec spec = FleetOf(hall ? HallWorld(context) : SettingWorld(context, setting),
                                    hall ? Level::kRendered : Level::kFeatures, "upload_all");
     MAPP_ASSIGN_OR_RETURN(const auto fleet, context.lab.Run(spec));

@@ -81,8 +81,8 @@ StatusOr<ExperimentResult> RunTrajectoryError(EvalContext& context) {
       {"setting"}, {"upload all", 3}, {"depth sketch", 3}, {"aligned, upload all", 0}, {"aligned, depth sketch", 0},
       {"users", 0}};
   table.plot = Plot{Plot::Kind::kBars, "setting", {"upload all", "depth sketch"}, "ATE, m"};
-  for (const char* setting : {"garage", "plaza", "hall", "city"}) {
-    const bool hall = std::string(setting) == "hall";
+  for (const std::string& setting : context.Chosen({"garage", "plaza", "hall", "city"})) {
+    const bool hall = setting == "hall";
     const sim::SimulationOptions world = hall ? HallWorld(context) : SettingWorld(context, setting);
     const Level level = hall ? Level::kRendered : Level::kFeatures;
     FleetSpec all_spec = FleetOf(world, level, "upload_all");
@@ -90,7 +90,7 @@ StatusOr<ExperimentResult> RunTrajectoryError(EvalContext& context) {
     all_spec.reconstruct = sketch_spec.reconstruct = IsReconstructed(world);
     MAPP_ASSIGN_OR_RETURN(const auto all, context.lab.Run(all_spec));
     MAPP_ASSIGN_OR_RETURN(const auto sketch, context.lab.Run(sketch_spec));
-    table.rows.push_back({std::string(setting), Cell(Mean(JointErrors(*all))), Cell(Mean(JointErrors(*sketch))),
+    table.rows.push_back({setting, Cell(Mean(JointErrors(*all))), Cell(Mean(JointErrors(*sketch))),
                           NumAligned(*all), NumAligned(*sketch), static_cast<double>(world.num_users)});
     result.setup += Describe(FleetOf(world, level, "depth_sketch")) + " ";
   }

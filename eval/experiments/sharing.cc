@@ -95,7 +95,7 @@ StatusOr<ExperimentResult> RunSharing(EvalContext& context) {
   ExperimentResult result;
   ResultTable table = SharingTable("sharing", "Devices where the map is known, with and without sharing");
   const std::vector<std::string> settings =
-      context.quick() ? std::vector<std::string>{"garage"} : std::vector<std::string>{"garage", "plaza"};
+      context.Chosen(context.quick() ? std::vector<std::string>{"garage"} : std::vector<std::string>{"garage", "plaza"});
   MAPP_RETURN_IF_ERROR(AddRows(context, settings, {"no_sharing", "depth_sketch"}, table, result.setup));
   result.tables.push_back(std::move(table));
   result.paper =

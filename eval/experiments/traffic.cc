@@ -79,7 +79,7 @@ double DemandMbit_s(const FleetFigures& fleet, const sim::Simulation& simulation
 
 StatusOr<ExperimentResult> RunTraffic(EvalContext& context) {
   ExperimentResult result;
-  for (const char* setting : {"garage", "plaza"}) {
+  for (const std::string& setting : context.Chosen({"garage", "plaza"})) {
     const sim::SimulationOptions world = SettingWorld(context, setting);
     result.setup += Describe(FleetOf(world, Level::kFeatures, "depth_sketch")) + " ";
     MAPP_ASSIGN_OR_RETURN(ResultTable table, UploadPerUser(context, world));
