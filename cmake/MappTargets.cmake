@@ -31,7 +31,7 @@ function(mapp_join_sources target)
   if(NOT MAPP_UNITY)
     return()
   endif()
-  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 8)
+  set_target_properties(${target} PROPERTIES UNITY_BUILD ON UNITY_BUILD_BATCH_SIZE 14)
   set_source_files_properties(${ARGN} PROPERTIES SKIP_UNITY_BUILD_INCLUSION ON)
   # A joined source counts as a header to g++, which then warns of what is private to it.
   target_compile_options(${target} PRIVATE -Wno-subobject-linkage)
@@ -62,10 +62,11 @@ function(mapp_add_executable)
   target_link_libraries(${ARG_NAME} PRIVATE mapp_flags ${ARG_LIBS})
 endfunction()
 
-# mapp_add_test(NAME unit_core LABELS unit core SRCS ... LIBS ... [TIMEOUT s] [SERIAL] [APART b.cc])
-# One binary a module; each TEST becomes a ctest case.
+# mapp_add_test(NAME unit_core LABELS unit core SRCS ... LIBS ... [TIMEOUT s] [SERIAL] [TOGETHER] [APART b.cc])
+# One binary a module; each TEST becomes a ctest case. TOGETHER: the binary is one case, for tests that share what takes
+# long to make.
 function(mapp_add_test)
-  cmake_parse_arguments(ARG "SERIAL" "NAME;TIMEOUT" "SRCS;LIBS;LABELS;APART" ${ARGN})
+  cmake_parse_arguments(ARG "SERIAL;TOGETHER" "NAME;TIMEOUT" "SRCS;LIBS;LABELS;APART" ${ARGN})
   if(NOT ARG_TIMEOUT)
     set(ARG_TIMEOUT 120)
   endif()
@@ -82,8 +83,13 @@ function(mapp_add_test)
   endif()
   # ';' between labels must survive two expansions.
   string(REPLACE ";" "\\;" labels "${ARG_LABELS}")
-  gtest_discover_tests(${ARG_NAME} TEST_PREFIX ${ARG_NAME}/ DISCOVERY_MODE PRE_TEST
-    PROPERTIES LABELS "${labels}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${serial})
+  if(ARG_TOGETHER)
+    add_test(NAME ${ARG_NAME} COMMAND ${ARG_NAME})
+    set_tests_properties(${ARG_NAME} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${serial})
+  else()
+    gtest_discover_tests(${ARG_NAME} TEST_PREFIX ${ARG_NAME}/ DISCOVERY_MODE PRE_TEST
+      PROPERTIES LABELS "${labels}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${serial})
+  endif()
   set_property(GLOBAL APPEND PROPERTY MAPP_TEST_SOURCES ${ARG_SRCS})
   foreach(src IN LISTS ARG_SRCS)
     set_property(GLOBAL APPEND PROPERTY MAPP_TEST_SOURCES_ABS ${CMAKE_CURRENT_SOURCE_DIR}/${src})

@@ -19,10 +19,6 @@ using PoseBlock = std::array<double, kPoseSize>;
 template <int Rows, int Columns>
 using RowMajor = Eigen::Matrix<double, Rows, Columns, Eigen::RowMajor>;
 
-/// Error of an observation behind its camera, in units of the bound's root: high enough that no step gains by turning
-/// points away, constant so that it pulls nowhere.
-const double kBehindCameraPenalty = std::sqrt(10.0);
-
 Pose3 ToPose(const double* block) {
   return Pose3(Eigen::Quaterniond(Eigen::Map<const Eigen::Quaterniond>(block + 3)),
                Eigen::Map<const Eigen::Vector3d>(block));
@@ -77,7 +73,7 @@ class ReprojectionCost final : public ceres::SizedCostFunction<kRows, kPoseSize,
     const bool is_behind = p_camera.z() < internal::kMinDepth_m;
     if (is_behind) {
       const double bound = kRows == 3 ? internal::kChi2Depth : internal::kChi2Mono;
-      residual.setConstant(kBehindCameraPenalty * std::sqrt(bound / kRows));
+      residual.setConstant(std::sqrt(internal::kBehindCameraPenalty * bound / kRows));
     } else {
       residual = internal::ReprojectionError(camera_, measured_, p_camera).template head<kRows>();
     }

@@ -14,9 +14,6 @@ using Matrix6d = Eigen::Matrix<double, 6, 6>;
 using Vector6d = Eigen::Matrix<double, 6, 1>;
 
 constexpr int kMinInliers = 6;
-/// Cost of an active observation behind the camera, in units of its chi-square bound: high enough that no step gains
-/// by turning points away, bounded so that a single false match cannot veto a step.
-constexpr double kBehindCameraPenalty = 10.0;
 
 struct NormalEquations {
   Matrix6d hessian = Matrix6d::Zero();
@@ -48,7 +45,7 @@ class PoseProblem {
       const Eigen::Vector3d p_camera = R_camera_world * observation.p_world + T_camera_world.translation();
       const double bound = Bound(observation);
       if (p_camera.z() < internal::kMinDepth_m) {
-        cost += kBehindCameraPenalty * bound;
+        cost += internal::kBehindCameraPenalty * bound;
         continue;
       }
       const double chi2 = Residual(observation, p_camera).squaredNorm();

@@ -45,7 +45,7 @@ Tables EmptyTables() {
   return tables;
 }
 
-void AddRows(const std::string& setting, const OverlapStudy& study, Tables& tables) {
+void AddStudyRows(const std::string& setting, const OverlapStudy& study, Tables& tables) {
   for (const OverlapStudyRow& row : study.rows) {
     const OverlapScore& g = row.by_geometry;
     tables.geometry.rows.push_back({setting, NameOf(kSamplerChoices, row.sampler), Cell(g.seen.F1()), Cell(g.Lost()),
@@ -77,7 +77,7 @@ StatusOr<ExperimentResult> RunOverlap(EvalContext& context) {
     options.samplers = {SamplerKind::kUniform, SamplerKind::kDepthSketch, SamplerKind::kOccupancy};
     StatusOr<OverlapStudy> study = RunOverlapStudy(options);
     if (!study.ok()) return Annotate(study.status(), setting);
-    AddRows(setting, *study, tables);
+    AddStudyRows(setting, *study, tables);
     result.setup += Describe(spec) + " ";
   }
   result.setup += "Whole keyframes of the second half of the users are asked about on the map of the first half.";

@@ -75,7 +75,7 @@ ResultTable SharingTable(const std::string& id, const std::string& title) {
   return table;
 }
 
-Status AddRows(EvalContext& context, const std::vector<std::string>& settings, const std::vector<std::string>& policies,
+Status AddSharingRows(EvalContext& context, const std::vector<std::string>& settings, const std::vector<std::string>& policies,
                ResultTable& table, std::string& setup) {
   for (const std::string& setting : settings) {
     for (const std::string& policy : policies) {
@@ -96,7 +96,7 @@ StatusOr<ExperimentResult> RunSharing(EvalContext& context) {
   ResultTable table = SharingTable("sharing", "Devices where the map is known, with and without sharing");
   const std::vector<std::string> settings =
       context.Chosen(context.quick() ? std::vector<std::string>{"garage"} : std::vector<std::string>{"garage", "plaza"});
-  MAPP_RETURN_IF_ERROR(AddRows(context, settings, {"no_sharing", "depth_sketch"}, table, result.setup));
+  MAPP_RETURN_IF_ERROR(AddSharingRows(context, settings, {"no_sharing", "depth_sketch"}, table, result.setup));
   result.tables.push_back(std::move(table));
   result.paper =
       "Sharing lowers the device's CPU by 48 % in all and by 72 % for localization; ATE 0.175 to 0.128 m (garage) and "
@@ -109,7 +109,7 @@ StatusOr<ExperimentResult> RunSharing(EvalContext& context) {
 StatusOr<ExperimentResult> RunAlpha(EvalContext& context) {
   ExperimentResult result;
   ResultTable table = SharingTable("alpha", "Oversharing: alpha 1 against 1.3 (depth sketch)");
-  MAPP_RETURN_IF_ERROR(AddRows(context, {"garage"}, {"alpha_1", "depth_sketch"}, table, result.setup));
+  MAPP_RETURN_IF_ERROR(AddSharingRows(context, {"garage"}, {"alpha_1", "depth_sketch"}, table, result.setup));
   result.tables.push_back(std::move(table));
   result.paper = "On a way of 22 m, 3 requests with alpha = 1 and 2 with alpha = 1.3.";
   return result;

@@ -11,7 +11,6 @@
 namespace mapp {
 namespace {
 
-constexpr double kMinDepthM = 0.05;
 /// Points seen from further aside than this look different to ORB (the views at which matching broke down on the
 /// kitchen sequences).
 const double kMinViewCosine = std::cos(60.0 * std::numbers::pi / 180.0);

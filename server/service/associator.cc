@@ -10,10 +10,9 @@
 namespace mapp {
 namespace {
 
-constexpr double kMinDepthM = 0.05;
 
 /// A map point in front of the camera.
-struct Candidate {
+struct FusionCandidate {
   MapPointId id;
   double depth_m;
 };
@@ -83,7 +82,7 @@ std::vector<Association> AssociateFeatures(const MapView& view, const Keyframe& 
   if (feature_idxs.empty()) return {};
   const Projector projector(view, options);
   std::vector<ProjectedPoint> projected;
-  std::vector<Candidate> candidates;
+  std::vector<FusionCandidate> candidates;
   for (const auto& tile : tiles) {
     tile->ForEachPoint([&](const LoadedPoint& point) {
       double depth_m = 0;
@@ -98,7 +97,7 @@ std::vector<Association> AssociateFeatures(const MapView& view, const Keyframe& 
   const MatchOptions match_options{.max_distance = options.max_distance, .max_ratio = options.max_descriptor_ratio};
   std::vector<Association> associations;
   for (const Match& match : MatchProjected(projected, set.grid, set.features, match_options)) {
-    const Candidate& candidate = candidates[static_cast<size_t>(match.query_idx)];
+    const FusionCandidate& candidate = candidates[static_cast<size_t>(match.query_idx)];
     const size_t feature_idx = feature_idxs[static_cast<size_t>(match.train_idx)];
     const double error_m = std::abs(keyframe.features[feature_idx].point->depth_m - candidate.depth_m);
     const double allowed_m = std::max(options.max_depth_error_m, options.max_depth_error_ratio * candidate.depth_m);

@@ -8,6 +8,9 @@
 
 namespace mapp {
 
+/// Points nearer than this to a camera are not looked for in its image.
+inline constexpr double kMinDepthM = 0.05;
+
 /// A stored frame with everything that geometry needs, decoded once.
 struct FrameView {
   FrameRecord record;

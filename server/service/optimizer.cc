@@ -15,7 +15,7 @@ namespace mapp {
 namespace {
 
 /// Closed sessions that may wait; what does not fit stays owed and is taken up after the next start.
-constexpr size_t kQueueCapacity = 1024;
+constexpr size_t kMaxWaitingSessions = 1024;
 /// A frame that moved further than this was not refined but torn away: the result is dropped.
 constexpr double kMaxMotionM = 0.5;
 constexpr double kMaxTurnRad = 10.0 * std::numbers::pi / 180.0;
@@ -68,7 +68,7 @@ struct Optimizer::Impl {
         tiles(tile_cache),
         events(session_events),
         options(opts),
-        worker(kQueueCapacity, [this](const SessionId& session) { RunQueued(session); }) {}
+        worker(kMaxWaitingSessions, [this](const SessionId& session) { RunQueued(session); }) {}
 
   void RunQueued(SessionId session);
   StatusOr<OptimizationFinished> Optimize(const CallContext& context, SessionId session);

@@ -16,7 +16,7 @@ namespace mapp {
 namespace {
 
 /// Keyframes that may wait. Beyond, a map's index catches up from the store instead.
-constexpr size_t kQueueCapacity = 4096;
+constexpr size_t kMaxWaitingFrames = 4096;
 /// Earlier keyframes of a fragment looked at again when the registrar meets it for the first time after a start.
 constexpr size_t kKeyframesRevisited = 6;
 
@@ -42,7 +42,7 @@ struct Registrar::Impl {
         tiles(tile_cache),
         events(session_events),
         options(opts),
-        worker(kQueueCapacity, [this](const Task& task) { Run(task); }) {}
+        worker(kMaxWaitingFrames, [this](const Task& task) { Run(task); }) {}
 
   void Run(const Task& task);
   Status Process(const Task& task);

@@ -9,7 +9,7 @@ namespace mapp::sim {
 namespace {
 
 /// As in vision/corner_spreading.cc.
-constexpr int kCell_px = 64;
+constexpr int kBucket_px = 64;
 constexpr double kMaxEvenShares = 2.5;
 /// Of the candidates asked for in a batch, more than are still wanted, since some are hidden.
 constexpr double kBatchShare = 1.3;
@@ -24,8 +24,8 @@ class OctaveSelection {
     width_px_ = camera.width_px / scale;
     height_px_ = camera.height_px / scale;
     scale_ = scale;
-    columns_ = std::max(1, static_cast<int>(width_px_) / kCell_px);
-    rows_ = std::max(1, static_cast<int>(height_px_) / kCell_px);
+    columns_ = std::max(1, static_cast<int>(width_px_) / kBucket_px);
+    rows_ = std::max(1, static_cast<int>(height_px_) / kBucket_px);
     const auto num_cells = static_cast<size_t>(columns_ * rows_);
     cell_limit_ =
         std::max(1, static_cast<int>(kMaxEvenShares * static_cast<double>(quota) / static_cast<double>(num_cells)));

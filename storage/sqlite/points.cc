@@ -15,17 +15,17 @@ Status NoSuchPoint(MapPointId point) {
 }
 
 /// Where a live point stands before it is changed.
-struct Standing {
+struct PointStanding {
   MapId map;
   std::optional<int64_t> tile_id;
   Revision created;
 };
 
-StatusOr<Standing> GetStanding(Connection& db, ChangeLedger& ledger, MapPointId point) {
+StatusOr<PointStanding> GetPointStanding(Connection& db, ChangeLedger& ledger, MapPointId point) {
   Statement query = db.Prepare("SELECT session_id, tile_id, created_revision FROM points WHERE point_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(point).Step());
   if (!has_row) return NoSuchPoint(point);
-  Standing standing;
+  PointStanding standing;
   standing.created = query.GetId<Revision>(2);
   if (!query.IsNull(1)) standing.tile_id = query.Int64(1);
   MAPP_ASSIGN_OR_RETURN(standing.map, ledger.MapOfSession(query.GetId<SessionId>(0)));
@@ -166,7 +166,7 @@ StatusOr<MapPointId> InsertPoint(Connection& db, ChangeLedger& ledger, MapId map
 
 Status UpdatePoint(Connection& db, ChangeLedger& ledger, const PointRecord& point) {
   MAPP_RETURN_IF_ERROR(CheckFinite(point));
-  MAPP_ASSIGN_OR_RETURN(const Standing old, GetStanding(db, ledger, point.id));
+  MAPP_ASSIGN_OR_RETURN(const PointStanding old, GetPointStanding(db, ledger, point.id));
   MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(old.map));
   MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> tile_id, TileFor(ledger, old.map, point));
   // A version that begins and ends in one revision could never be read: it leaves no history.
@@ -184,7 +184,7 @@ Status UpdatePoint(Connection& db, ChangeLedger& ledger, const PointRecord& poin
 Status TouchPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point) {
   MAPP_RETURN_IF_ERROR(CheckFinite(point));
   // Looked up before, as UPDATE ... RETURNING would build a temporary table for each of an upload's 500 points.
-  MAPP_ASSIGN_OR_RETURN(const Standing standing, GetStanding(db, ledger, point.id));
+  MAPP_ASSIGN_OR_RETURN(const PointStanding standing, GetPointStanding(db, ledger, point.id));
   const std::string observers = EncodeObservers(point.observers);
   MAPP_RETURN_IF_ERROR(
       db.Prepare("UPDATE points SET view_direction = ?, descriptor = ?, reference_distance_m = ?, num_observations = "
@@ -196,10 +196,10 @@ Status TouchPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point
 }
 
 Status RetirePoint(Connection& db, ChangeLedger& ledger, MapPointId point, std::optional<MapPointId> fused_into) {
-  MAPP_ASSIGN_OR_RETURN(const Standing old, GetStanding(db, ledger, point));
+  MAPP_ASSIGN_OR_RETURN(const PointStanding old, GetPointStanding(db, ledger, point));
   if (fused_into) {
     if (*fused_into == point) return absl::InvalidArgumentError("fused_into: a point cannot fuse into itself");
-    MAPP_ASSIGN_OR_RETURN(const Standing successor, GetStanding(db, ledger, *fused_into));
+    MAPP_ASSIGN_OR_RETURN(const PointStanding successor, GetPointStanding(db, ledger, *fused_into));
     if (successor.map != old.map) return absl::InvalidArgumentError("fused_into: a point of another map");
   }
   MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(old.map));

@@ -11,7 +11,6 @@
 namespace mapp::tracker {
 namespace {
 
-constexpr int kMinSharedPoints = 15;  ///< for a keyframe to be adjusted with the newest one
 
 /// A bundle problem and which keyframes and points of the map it was copied from.
 struct Window {

@@ -2,7 +2,6 @@
 
 #include <algorithm>
 #include <map>
-#include <numbers>
 #include <unordered_set>
 
 namespace mapp::tracker {
@@ -12,9 +11,6 @@ namespace {
 constexpr size_t kMaxKeyframes = 24;
 constexpr size_t kMaxSharing = 12;    ///< of them those that share points with the frame
 constexpr size_t kMaxNeighbors = 3;   ///< taken along per sharing keyframe
-constexpr int kMinSharedPoints = 15;  ///< between neighbors; an edge of the covisibility graph (Mur-Artal 2015)
-constexpr double kNearDistanceM = 1.0;
-constexpr double kNearAngle = 35.0 * std::numbers::pi / 180.0;
 
 /// Keyframes by the number of the frame's points that they observe, most first.
 std::vector<std::pair<int, int>> VoteForKeyframes(const SessionMap& map, std::span<const int> frame_points) {

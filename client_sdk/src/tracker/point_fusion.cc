@@ -4,15 +4,11 @@
 #include "client_sdk/src/tracker/point_search.h"
 
 #include <algorithm>
-#include <numbers>
 #include <unordered_set>
 
 namespace mapp::tracker {
 namespace {
 
-constexpr int kMinSharedPoints = 15;
-constexpr double kNearDistanceM = 1.0;
-constexpr double kNearAngle = 35.0 * std::numbers::pi / 180.0;
 /// A feature's own point is the same as the projected one only when they lie this near each other, as a share of the
 /// distance from the camera: twice the depth noise of structured light at 3 m.
 constexpr double kMaxRelativeGap = 0.04;

@@ -10,6 +10,7 @@
 
 #include <cstdint>
 #include <memory>
+#include <numbers>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -18,6 +19,12 @@ namespace mapp::tracker {
 
 /// Index of a feature's map point, or of a keyframe, where there is none.
 inline constexpr int kNone = -1;
+
+/// Keyframes are neighbors when they share this many points; an edge of the covisibility graph (Mur-Artal 2015).
+inline constexpr int kMinSharedPoints = 15;
+/// Keyframes that see about the same, as they stand near and look the same way.
+inline constexpr double kNearDistanceM = 1.0;
+inline constexpr double kNearAngle = 35.0 * std::numbers::pi / 180.0;
 
 /// A copy of what it takes to find a map point in an image: matching works on copies, without the map's lock.
 struct PointView {

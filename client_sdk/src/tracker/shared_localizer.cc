@@ -13,7 +13,7 @@ constexpr double kTrackedRadiusPx = 6.0;
 constexpr double kFirstRadiusPx = 35.0;
 constexpr int kFirstMaxDistance = 64;
 /// The last refinement of either.
-constexpr double kRefinedRadiusPx = 5.0;
+constexpr double kLastRadiusPx = 5.0;
 constexpr double kMinFeatureShare = 0.4;
 
 /// The image in 4 x 4 cells: those with features enough to say something, and those of them that the map explains.
@@ -122,7 +122,7 @@ PoseEstimate SharedLocalizer::EstimateOn(const Loaded& map, const Frame& frame,
   }
   if (estimate.num_inliers < options_.min_tracked_points) return estimate;
   SearchOptions fine;
-  fine.radius_px = kRefinedRadiusPx;
+  fine.radius_px = kLastRadiusPx;
   PoseEstimate refined =
       SearchAndRefine(frame, camera_, camera_.shared_map, estimate.T_session_camera, map.points, fine, 0);
   return refined.num_inliers > estimate.num_inliers ? refined : estimate;

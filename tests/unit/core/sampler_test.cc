@@ -11,7 +11,7 @@
 namespace mapp {
 namespace {
 
-Camera Kinect() {
+Camera Vga() {
   return {.projection = PinholeCamera{.fx = 525, .fy = 525, .cx = 320, .cy = 240},
           .width_px = 640,
           .height_px = 480,
@@ -22,7 +22,7 @@ Camera Kinect() {
 std::vector<Eigen::Vector3d> WallPoints(Rng& rng, double depth_m, int count) {
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < count; ++i) {
-    points.push_back(depth_m * Kinect().Unproject({rng.Uniform(0, 639), rng.Uniform(0, 479)}));
+    points.push_back(depth_m * Vga().Unproject({rng.Uniform(0, 639), rng.Uniform(0, 479)}));
   }
   return points;
 }
@@ -37,7 +37,7 @@ TEST(DepthSketchTest, CodesAreWithinTheirStep) {
 }
 
 TEST(DepthSketchTest, CellsHoldPercentilesOfTheirOwnPoints) {
-  const Camera camera = Kinect();
+  const Camera camera = Vga();
   std::vector<Eigen::Vector3d> points;
   for (int i = 0; i < 100; ++i) points.push_back((1.0 + 0.01 * i) * camera.Unproject({10, 10}));
   const DepthSketch sketch = MakeDepthSketch(camera, points);
@@ -62,7 +62,7 @@ TEST(UniformSamplerTest, FillsTheConeEvenly) {
 
 TEST(DepthSketchSamplerTest, SamplesLieWhereTheSketchSays) {
   Rng rng(1);
-  const Camera camera = Kinect();
+  const Camera camera = Vga();
   const DepthSketch sketch = MakeDepthSketch(camera, WallPoints(rng, 3.0, 800));
   const SampleSet set = SampleDepthSketch(camera, sketch, 1000);
   ASSERT_EQ(set.p_camera.size(), 1000U);
@@ -75,7 +75,7 @@ TEST(DepthSketchSamplerTest, SamplesLieWhereTheSketchSays) {
 
 TEST(DepthSketchSamplerTest, BothSidesOfTheWireGetTheSameSamples) {
   Rng rng(2);
-  const Camera camera = Kinect();
+  const Camera camera = Vga();
   ViewQuery query;
   query.sketch = MakeDepthSketch(camera, WallPoints(rng, 2.0, 300));
   const SampleSet device = SampleDepthSketch(camera, query.sketch, 777);
@@ -86,12 +86,12 @@ TEST(DepthSketchSamplerTest, BothSidesOfTheWireGetTheSameSamples) {
 }
 
 TEST(DepthSketchSamplerTest, AnEmptySketchHasNoSamples) {
-  EXPECT_TRUE(SampleDepthSketch(Kinect(), DepthSketch{}, 1000).p_camera.empty());
+  EXPECT_TRUE(SampleDepthSketch(Vga(), DepthSketch{}, 1000).p_camera.empty());
 }
 
 TEST(CountBySamplesTest, VotesFollowTheSamplesAroundThem) {
   Rng rng(3);
-  const Camera camera = Kinect();
+  const Camera camera = Vga();
   const std::vector<Eigen::Vector3d> own = WallPoints(rng, 3.0, 600);
   const SampleSet set = SampleDepthSketch(camera, MakeDepthSketch(camera, own), 1000);
   // The map holds the left half of the wall.

@@ -1,5 +1,7 @@
 #include "sim/bake_lights.h"
 
+#include "tests/unit/sim/scenes.h"
+
 #include <gtest/gtest.h>
 
 #include <cmath>
@@ -9,11 +11,6 @@
 namespace mapp::sim {
 namespace {
 
-Quad PlainQuad(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u, const Eigen::Vector3d& edge_v) {
-  return Quad{corner, edge_u, edge_v, std::make_shared<const Texture>(GrayImage(4, 4, 100))};
-}
-
-/// 10 m x 10 m around the origin, z = 0, front up. With nodes 0.5 m apart, column 10 and row 10 are at the origin.
 Quad Floor() { return PlainQuad({-5, 5, 0}, {10, 0, 0}, {0, -10, 0}); }
 constexpr int kColumns = 21;
 

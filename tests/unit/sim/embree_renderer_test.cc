@@ -1,5 +1,5 @@
-#include "mapp/base/rng.h"
 #include "sim/renderer.h"
+#include "tests/unit/sim/scenes.h"
 
 #include <gtest/gtest.h>
 
@@ -12,17 +12,8 @@
 namespace mapp::sim {
 namespace {
 
-Camera SmallCamera() { return {PinholeCamera{100, 90, 39.5, 29.5}, 80, 60}; }
 /// As strong as that of EuRoC's cameras. Its size divides into no whole cells.
 Camera BentCamera() { return {RadialTangentialCamera{61, 60, 50.2, 32.1, -0.283, 0.074, 0.0002, 0.0003}, 101, 67}; }
-
-Quad PlainQuad(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u, const Eigen::Vector3d& edge_v,
-               uint8_t level) {
-  return Quad{corner, edge_u, edge_v, std::make_shared<const Texture>(GrayImage(8, 8, level))};
-}
-
-/// A camera at the origin looks along world z; walls face it.
-Scene OneWall(double z_m, uint8_t level) { return {{PlainQuad({-50, -50, z_m}, {100, 0, 0}, {0, 100, 0}, level)}}; }
 
 struct View {
   Camera camera = SmallCamera();
@@ -167,10 +158,6 @@ TEST(EmbreeRendererTest, MovingSurfacesHideAndAreHidden) {
   EXPECT_EQ(frame.gray.at(60, 50), 40);
   // The next frame without them is as before.
   EXPECT_EQ(Draw(scene, {}).gray.at(60, 30), 40);
-}
-
-Eigen::Vector3d RandomPoint(Rng& rng, double half_m) {
-  return {rng.Uniform(-half_m, half_m), rng.Uniform(-half_m, half_m), rng.Uniform(-half_m, half_m)};
 }
 
 /// Surfaces of 3 cm to 2 m, many of them thinner than the cells that the renderer works in, in front of a wall.

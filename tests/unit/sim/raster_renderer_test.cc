@@ -1,4 +1,5 @@
 #include "sim/renderer.h"
+#include "tests/unit/sim/scenes.h"
 
 #include <gtest/gtest.h>
 
@@ -7,16 +8,6 @@
 
 namespace mapp::sim {
 namespace {
-
-Camera SmallCamera() { return {PinholeCamera{100, 90, 39.5, 29.5}, 80, 60}; }
-
-Quad PlainQuad(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u, const Eigen::Vector3d& edge_v,
-               uint8_t level) {
-  return Quad{corner, edge_u, edge_v, std::make_shared<const Texture>(GrayImage(8, 8, level))};
-}
-
-/// A camera at the origin looks along world z; walls face it.
-Scene OneWall(double z_m, uint8_t level) { return {{PlainQuad({-50, -50, z_m}, {100, 0, 0}, {0, 100, 0}, level)}}; }
 
 StatusOr<RenderedFrame> Render(Scene scene, const Pose3& T_world_camera = Pose3(), int num_threads = 1) {
   return MakeRasterRenderer(std::make_shared<const Scene>(std::move(scene)), num_threads)

@@ -1,6 +1,6 @@
 #include "sim/scene_rays.h"
 
-#include "mapp/base/rng.h"
+#include "tests/unit/sim/scenes.h"
 
 #include <Eigen/Geometry>
 #include <gtest/gtest.h>
@@ -13,18 +13,10 @@
 namespace mapp::sim {
 namespace {
 
-Quad PlainQuad(const Eigen::Vector3d& corner, const Eigen::Vector3d& edge_u, const Eigen::Vector3d& edge_v) {
-  return Quad{corner, edge_u, edge_v, std::make_shared<const Texture>(GrayImage(4, 4, 100))};
-}
-
 /// 2 m x 2 m around the world's z axis; its front looks towards negative z.
 Quad Wall(double z_m) { return PlainQuad({-1, -1, z_m}, {2, 0, 0}, {0, 2, 0}); }
 
 SceneRays RaysOf(std::vector<Quad> quads) { return SceneRays(std::make_shared<const Scene>(Scene{std::move(quads)})); }
-
-Eigen::Vector3d RandomPoint(Rng& rng, double half_m) {
-  return {rng.Uniform(-half_m, half_m), rng.Uniform(-half_m, half_m), rng.Uniform(-half_m, half_m)};
-}
 
 std::vector<Quad> RandomQuads(Rng& rng, int count, double half_m) {
   std::vector<Quad> quads;

@@ -19,7 +19,7 @@ Camera TestCamera() {
   return camera;
 }
 
-Pose3 SomePose() { return Pose3(ExpSo3({0.2, 1.1, -0.4}), {40, -25, 3}); }
+Pose3 FarPose() { return Pose3(ExpSo3({0.2, 1.1, -0.4}), {40, -25, 3}); }
 
 OrbDescriptor RandomDescriptor(Rng& rng) {
   OrbDescriptor descriptor;
@@ -34,7 +34,7 @@ OrbDescriptor WithBitsFlipped(OrbDescriptor descriptor, int num_bits) {
 
 /// A view of `count` points between 1 and 20 m, and the map that holds exactly these, all seen from the same place.
 struct Setting {
-  Pose3 T_map_camera = SomePose();
+  Pose3 T_map_camera = FarPose();
   std::vector<Eigen::Vector3d> own;
   std::vector<Feature> features;
   std::vector<SeenPoint> points;

@@ -10,16 +10,16 @@
 namespace mapp {
 namespace {
 
-constexpr double kTolerance = 1e-9;
+constexpr double kPoseTolerance = 1e-9;
 
-Pose3 SomePose() { return Pose3(ExpSo3({0.3, -0.5, 1.2}), {4.0, -2.0, 0.5}); }
+Pose3 AnotherFrame() { return Pose3(ExpSo3({0.3, -0.5, 1.2}), {4.0, -2.0, 0.5}); }
 
 TEST(RelativePoseErrorTest, TheFrameOfATrajectoryDoesNotMatter) {
   const auto truth = Curve(50);
-  const auto error = RelativePoseErrorOverTime(truth, Moved(SomePose(), 1.0, truth), 1.0);
+  const auto error = RelativePoseErrorOverTime(truth, Moved(AnotherFrame(), 1.0, truth), 1.0);
   ASSERT_TRUE(error.ok()) << error.status();
   EXPECT_EQ(error->num_pairs(), 40);
-  EXPECT_NEAR(error->translation_m.max, 0, kTolerance);
+  EXPECT_NEAR(error->translation_m.max, 0, kPoseTolerance);
   EXPECT_NEAR(error->rotation_rad.max, 0, 1e-7);
 }
 
@@ -30,8 +30,8 @@ TEST(RelativePoseErrorTest, DriftIsTheRateTimesTheDelta) {
   for (const double delta_s : {0.5, 1.0, 2.0}) {
     const auto error = RelativePoseErrorOverTime(truth, estimate, delta_s);
     ASSERT_TRUE(error.ok()) << error.status();
-    EXPECT_NEAR(error->translation_m.rms, 0.05 * delta_s, kTolerance);
-    EXPECT_NEAR(error->translation_m.max, 0.05 * delta_s, kTolerance);
+    EXPECT_NEAR(error->translation_m.rms, 0.05 * delta_s, kPoseTolerance);
+    EXPECT_NEAR(error->translation_m.max, 0.05 * delta_s, kPoseTolerance);
     EXPECT_NEAR(error->rotation_rad.max, 0, 1e-7);
   }
 }
@@ -41,7 +41,7 @@ TEST(RelativePoseErrorTest, DistanceIsMeasuredAlongTheTruePath) {
   const auto error = RelativePoseErrorOverDistance(truth, Moved(Pose3(), 1.02, truth), 5.0);
   ASSERT_TRUE(error.ok()) << error.status();
   EXPECT_EQ(error->num_pairs(), 51);
-  EXPECT_NEAR(error->translation_m.mean, 0.02 * 5.0, kTolerance);
+  EXPECT_NEAR(error->translation_m.mean, 0.02 * 5.0, kPoseTolerance);
 }
 
 TEST(RelativePoseErrorTest, TurningTooFarShowsAsRotation) {
@@ -68,9 +68,9 @@ TEST(RelativePoseErrorTest, OneJumpHurtsOnlyThePairsAcrossIt) {
   const auto error = RelativePoseErrorOverTime(truth, estimate, 1.0);
   ASSERT_TRUE(error.ok()) << error.status();
   EXPECT_EQ(error->num_pairs(), 91);
-  EXPECT_NEAR(error->translation_m.max, 1.0, kTolerance);
-  EXPECT_NEAR(error->translation_m.median, 0, kTolerance);
-  EXPECT_NEAR(error->translation_m.mean, 10.0 / 91, kTolerance);
+  EXPECT_NEAR(error->translation_m.max, 1.0, kPoseTolerance);
+  EXPECT_NEAR(error->translation_m.median, 0, kPoseTolerance);
+  EXPECT_NEAR(error->translation_m.mean, 10.0 / 91, kPoseTolerance);
 }
 
 TEST(RelativePoseErrorTest, GapsAreNotBridgedByPairsOfAnotherLength) {

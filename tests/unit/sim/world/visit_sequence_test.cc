@@ -8,11 +8,17 @@
 
 #include <algorithm>
 #include <cmath>
+#include <map>
+#include <utility>
 
 namespace mapp::sim {
 namespace {
 
+/// A garage made once for all tests.
 std::shared_ptr<const Simulation> Garage(SensorKind sensor, int num_users) {
+  static std::map<std::pair<SensorKind, int>, std::shared_ptr<const Simulation>> made;
+  std::shared_ptr<const Simulation>& garage = made[{sensor, num_users}];
+  if (garage != nullptr) return garage;
   SimulationOptions options;
   options.num_users = num_users;
   options.path_m = 5;
@@ -23,7 +29,8 @@ std::shared_ptr<const Simulation> Garage(SensorKind sensor, int num_users) {
   options.rate_hz = 5;
   auto simulation = Simulate(options);
   EXPECT_TRUE(simulation.ok()) << simulation.status();
-  return std::move(simulation).value();
+  garage = std::move(simulation).value();
+  return garage;
 }
 
 std::unique_ptr<VisitSequence> Open(const std::shared_ptr<const Simulation>& simulation, int user,
