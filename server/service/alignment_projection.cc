@@ -18,7 +18,6 @@ constexpr double kFirstRadiusPx = 12;
 constexpr double kFinalRadiusPx = 6;
 constexpr int kMinMatches = 12;
 constexpr MatchOptions kGuidedMatching = {.max_distance = 64, .max_ratio = 0.9, .mutual = true};
-constexpr int kGridCells = 4;
 
 constexpr double kNeighbourRangeM = 5.0;
 const double kNeighbourCosine = std::cos(60.0 * std::numbers::pi / 180.0);
@@ -93,11 +92,16 @@ bool DepthAgrees(const QueryKeyframe& query, int feature_idx, const Eigen::Vecto
   return depth_m <= 0 || std::abs(p_camera.z() - depth_m) < PointTolerance(depth_m);
 }
 
-int CellOf(const FrameView& view, int feature_idx) {
-  const Eigen::Vector2d& pixel = view.undistorted_px[feature_idx];
-  const int column = std::clamp(static_cast<int>(pixel.x() * kGridCells / view.camera.width_px), 0, kGridCells - 1);
-  const int row = std::clamp(static_cast<int>(pixel.y() * kGridCells / view.camera.height_px), 0, kGridCells - 1);
-  return row * kGridCells + column;
+std::vector<ExpectedPoint> Expect(const QueryKeyframe& query, std::span<const PointRecord> points,
+                                  const Pose3& T_map_camera) {
+  const Pose3 T_camera_map = T_map_camera.Inverse();
+  std::vector<ExpectedPoint> expected;
+  for (const Candidate& candidate : ProjectVisible(query, points, T_map_camera, kFinalRadiusPx)) {
+    const Eigen::Vector3d p_camera = T_camera_map * points[static_cast<size_t>(candidate.point_idx)].position;
+    expected.push_back(
+        {{candidate.projected.u_px, candidate.projected.v_px}, static_cast<float>(p_camera.z())});
+  }
+  return expected;
 }
 
 ProjectionAlignment Summarize(const QueryKeyframe& query, std::span<const PointRecord> points,
@@ -107,15 +111,16 @@ ProjectionAlignment Summarize(const QueryKeyframe& query, std::span<const PointR
   alignment.information = pose.information;
   alignment.num_offered = static_cast<int>(matches.size());
   const Pose3 T_camera_map = pose.T_world_camera.Inverse();
-  std::bitset<kGridCells * kGridCells> cells;
+  std::bitset<kNumAgreementCells> cells;
   for (size_t i = 0; i < matches.size(); ++i) {
     const GuidedMatch& match = matches[i];
     const PointRecord& point = points[match.point_idx];
     if (!pose.inliers[i] || !DepthAgrees(query, match.feature_idx, T_camera_map * point.position)) continue;
     alignment.inliers.push_back({.feature_idx = match.feature_idx, .point = point.id});
-    cells.set(static_cast<size_t>(CellOf(query.view(), match.feature_idx)));
+    cells.set(static_cast<size_t>(AgreementCell(query, match.feature_idx)));
   }
   alignment.num_cells = static_cast<int>(cells.count());
+  alignment.agreement = CompareWithView(query, Expect(query, points, pose.T_world_camera), alignment.inliers);
   return alignment;
 }
 

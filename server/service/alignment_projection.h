@@ -1,6 +1,7 @@
 #pragma once
 
 #include "server/service/frame_view.h"
+#include "server/service/view_agreement.h"
 #include "vision/matching.h"
 
 #include <Eigen/Core>
@@ -49,6 +50,7 @@ struct ProjectionAlignment {
   std::vector<AlignmentMatch> inliers;
   int num_offered = 0;  ///< matches that the inliers were chosen from
   int num_cells = 0;    ///< of a 4x4 grid over the image, those that hold inliers
+  ViewAgreement agreement;
 };
 
 /// Refines a rough T_map_camera by guided matching: projects `points`, matches them within 12 and then 6 pixels (at

@@ -1,5 +1,6 @@
 #include "server/service/associator.h"
 
+#include "server/service/frame_view.h"
 #include "vision/matching.h"
 
 #include <algorithm>

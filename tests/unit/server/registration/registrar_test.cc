@@ -99,6 +99,21 @@ TEST_F(RegistrarTest, NeverMergesAnotherPlace) {
   EXPECT_FALSE(fixture_.Session(session).T_map_session);
 }
 
+TEST_F(RegistrarTest, AnEqualPanelInAnotherPlaceIsNotThatPlace) {
+  FoundMap();
+  const SyntheticRoom elsewhere(2, room_);
+  const SessionId session = OpenSession(/*founder=*/false);
+  EventLog log(fixture_, session);
+  const std::vector<Pose3> poses = SyntheticRoom::Circle(0.8, -0.1, 0.03, 5);
+  Walk(elsewhere, session, poses);
+
+  const auto tried = log.WaitFor<AlignmentTried>(poses.size() - 1);
+  ASSERT_TRUE(tried);
+  EXPECT_GT(tried->num_inliers, 60U) << "the panel itself matches well";
+  EXPECT_EQ(log.Count<SessionAligned>(), 0U);
+  EXPECT_FALSE(fixture_.Session(session).T_map_session);
+}
+
 TEST_F(RegistrarTest, WaitsForKeyframesThatAgree) {
   FoundMap();
   const SessionId session = OpenSession(/*founder=*/false);

@@ -2,13 +2,15 @@
 
 #include "vision/matching.h"
 
+#include <algorithm>
 #include <cmath>
+#include <iterator>
 #include <numbers>
 
 namespace mapp::testing {
 namespace {
 
-constexpr int kNumLandmarks = 4000;
+constexpr int kNumLandmarks = 9000;
 const Eigen::Vector3d kHalfSizeM(3.0, 1.5, 2.5);
 constexpr double kMinDepthM = 0.3;
 /// Landmarks seen at a flatter angle are not detected.
@@ -45,6 +47,15 @@ SyntheticRoom::SyntheticRoom(uint64_t seed) {
     landmark.descriptor = RandomDescriptor(rng);
     landmarks_.push_back(landmark);
   }
+}
+
+SyntheticRoom::SyntheticRoom(uint64_t seed, const SyntheticRoom& twin) : SyntheticRoom(seed) {
+  std::erase_if(landmarks_, IsOnSharedPanel);
+  std::ranges::copy_if(twin.landmarks_, std::back_inserter(landmarks_), IsOnSharedPanel);
+}
+
+bool SyntheticRoom::IsOnSharedPanel(const Landmark& landmark) {
+  return landmark.normal.z() < 0 && landmark.p_world.x() > 0.2;
 }
 
 Camera SyntheticRoom::DeviceCamera() {
