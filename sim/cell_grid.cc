@@ -12,6 +12,8 @@ namespace {
 /// Edges are followed in steps of this many pixels; each step marks all cells within half a step and some slack.
 constexpr double kStep_px = 3;
 constexpr double kReach_px = 2;
+/// Between points this far apart a lens bends no edge by more than a fraction of a pixel.
+constexpr double kStraight_px = 15;
 /// Lenses may draw an edge longer than a pinhole would, by less than this.
 constexpr double kMaxStretch = 1.4;
 /// Surfaces that touch have equal depth up to rounding.
@@ -72,17 +74,24 @@ void CellGrid::MarkEdge(const std::vector<QuadView>& views, int32_t view_idx, co
   const Eigen::Vector3d end(to.x() / to.z(), to.y() / to.z(), 1 / to.z());
   const Eigen::Vector2d focal_px = rays_.camera().FocalLengths();
   const double length_px = kMaxStretch * (end - begin).head<2>().cwiseProduct(focal_px).norm();
-  const int num_steps = static_cast<int>(length_px / kStep_px) + 1;
-  const Eigen::Vector3d step = (end - begin) / num_steps;
-  for (int i = 0; i <= num_steps; ++i) {
-    const Eigen::Vector3d at = begin + i * step;
-    MarkAround(views, view_idx, at.head<2>(), at.z());
+  const int num_pieces = static_cast<int>(length_px / kStraight_px) + 1;
+  const int num_steps = static_cast<int>(length_px / num_pieces / kStep_px) + 1;
+  const Eigen::Vector3d piece = (end - begin) / num_pieces;
+  Eigen::Vector2d pixel = rays_.ToImage(begin.head<2>());
+  for (int i = 0; i < num_pieces; ++i) {
+    const Eigen::Vector3d at = begin + i * piece;
+    const Eigen::Vector2d next_pixel = rays_.ToImage((at + piece).head<2>());
+    for (int j = 0; j <= num_steps; ++j) {
+      const double share = static_cast<double>(j) / num_steps;
+      MarkAround(views, view_idx, at + share * piece, pixel + share * (next_pixel - pixel));
+    }
+    pixel = next_pixel;
   }
 }
 
-void CellGrid::MarkAround(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector2d& normalized,
-                          double inverse_depth) {
-  const Eigen::Vector2d pixel = rays_.ToImage(normalized);
+/// `at`: a point of the edge on z = 1, and its inverse depth.
+void CellGrid::MarkAround(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector3d& at,
+                          const Eigen::Vector2d& pixel) {
   const auto cell_of = [](double position_px, int count) {
     return static_cast<int>(std::clamp(position_px / kCell_px, 0.0, count - 1.0));
   };
@@ -93,8 +102,8 @@ void CellGrid::MarkAround(const std::vector<QuadView>& views, int32_t view_idx, 
       if (!CornersAgree(column, row)) continue;
       const int32_t seen = CornerViews(row)[column];
       if (seen == view_idx) continue;
-      const bool in_front = seen == kNoView || inverse_depth > kInFront * views[static_cast<size_t>(seen)].InverseDepth(
-                                                                              normalized.x(), normalized.y());
+      const bool in_front =
+          seen == kNoView || at.z() > kInFront * views[static_cast<size_t>(seen)].InverseDepth(at.x(), at.y());
       if (!in_front) continue;
       const size_t cell = static_cast<size_t>(row) * static_cast<size_t>(columns_) + static_cast<size_t>(column);
       edge_in_front_[cell].store(1, std::memory_order_relaxed);

@@ -41,8 +41,8 @@ class CellGrid {
  private:
   void MarkEdge(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector3d& from_camera,
                 const Eigen::Vector3d& to_camera);
-  void MarkAround(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector2d& normalized,
-                  double inverse_depth);
+  void MarkAround(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector3d& at,
+                  const Eigen::Vector2d& pixel);
 
   const RayTable& rays_;
   const int columns_;

@@ -1,9 +1,9 @@
 #include "mapp/base/check.h"
 #include "mapp/base/mutex.h"
 #include "sim/cell_grid.h"
+#include "sim/cell_samples.h"
 #include "sim/embree_scene.h"
 #include "sim/parallel.h"
-#include "sim/quad_view.h"
 #include "sim/ray_caster.h"
 #include "sim/ray_table.h"
 #include "sim/renderer.h"
@@ -14,38 +14,13 @@
 #include <vector>
 
 // Rays are cast through the corners of cells of 4 x 4 pixels. Most cells show one surface, whose depth and texture
-// follow from its plane without further rays. Where surfaces meet, rays go through the centre and the corners of each
-// pixel, and a pixel that sees several surfaces blends them.
+// follow from its plane without further rays. Where surfaces meet, more rays find them, and a pixel that shows several
+// blends them. Four pixels side by side are drawn at once.
 
 namespace mapp::sim {
 namespace {
 
 constexpr int kCell_px = CellGrid::kCell_px;
-static_assert(kCell_px <= SurfacePatch::kMaxRays);
-
-/// The appearance of the few views seen within a cell.
-class CellPatches {
- public:
-  CellPatches(const std::vector<QuadView>& views, const Eigen::Vector2f& ray_per_x, const Eigen::Vector2f& ray_per_y)
-      : views_(views), ray_per_x_(ray_per_x), ray_per_y_(ray_per_y) {}
-
-  /// `ray` must meet the view.
-  const SurfacePatch& Of(int32_t view, const Eigen::Vector2f& ray) {
-    for (size_t i = 0; i < num_known_; ++i) {
-      if (known_[i].first == view) return known_[i].second;
-    }
-    const size_t slot = num_known_ < known_.size() ? num_known_++ : known_.size() - 1;
-    known_[slot] = {view, SurfacePatch(views_[static_cast<size_t>(view)], ray, ray_per_x_, ray_per_y_)};
-    return known_[slot].second;
-  }
-
- private:
-  const std::vector<QuadView>& views_;
-  const Eigen::Vector2f ray_per_x_;
-  const Eigen::Vector2f ray_per_y_;
-  std::array<std::pair<int32_t, SurfacePatch>, 6> known_;
-  size_t num_known_ = 0;
-};
 
 /// One picture in the making.
 class Drawing {
@@ -66,7 +41,8 @@ class Drawing {
       for (int view = chunk * kViewsAtOnce; view < end; ++view) grid_.MarkEdges(caster_.views(), view);
     });
     ParallelFor(options_.num_threads, grid_.rows(), [&](int row) {
-      for (int column = 0; column < grid_.columns(); ++column) DrawCell(column, row);
+      RowState state{CellSurfaces(caster_.views()), CellSamples(rays_, caster_), {}};
+      for (int column = 0; column < grid_.columns(); ++column) DrawCell(column, row, state);
     });
     return std::move(frame_);
   }
@@ -76,6 +52,18 @@ class Drawing {
     int x0 = 0, y0 = 0, x1 = 0, y1 = 0;  ///< pixels [x0, x1) x [y0, y1)
   };
 
+  /// What the cells of a row hand on to each other.
+  struct RowState {
+    CellSurfaces surfaces;
+    CellSamples samples;
+    /// Of the last plain cells; neighbours that show the same surface share it.
+    struct {
+      int32_t view = kNoView;
+      int until_x = 0;
+      SurfacePatch patch;
+    } plain;
+  };
+
   void CastCorners(int line) {
     const size_t count = static_cast<size_t>(grid_.columns()) + 1;
     std::vector<Eigen::Vector2f> rays(count);
@@ -83,131 +71,115 @@ class Drawing {
     caster_.Cast(rays, {grid_.CornerViews(line), count});
   }
 
-  void DrawCell(int column, int row) {
+  void DrawCell(int column, int row, RowState& state) {
     const Cell cell{grid_.FirstX(column), grid_.FirstY(row), grid_.FirstX(column + 1), grid_.FirstY(row + 1)};
-    const Eigen::Vector2f& corner = rays_.Corner(cell.x0, cell.y0);
-    CellPatches patches(caster_.views(), rays_.Corner(cell.x0 + 1, cell.y0) - corner,
-                        rays_.Corner(cell.x0, cell.y0 + 1) - corner);
-    if (grid_.IsPlain(column, row)) {
-      DrawPlain(cell, grid_.CornerViews(row)[column], patches);
-    } else {
-      DrawMixed(cell, grid_.CornersAgree(column, row), grid_.CornerViews(row)[column], patches);
-    }
+    const int32_t* top = grid_.CornerViews(row) + column;
+    if (grid_.IsPlain(column, row)) return DrawPlain(cell, top[0], state);
+    const bool all_meet = state.samples.AllMeet(top[0], cell.x0, cell.y0);
+    // Cells are suspected with some margin: some have an edge near them, not in them.
+    if (all_meet && grid_.CornersAgree(column, row)) return DrawPlain(cell, top[0], state);
+    const int32_t* bottom = grid_.CornerViews(row + 1) + column;
+    state.surfaces.Begin(RayPerX(cell), RayPerY(cell));
+    state.samples.Resolve({top[0], top[1], bottom[0], bottom[1]}, state.surfaces);
+    for (int y = cell.y0; y < cell.y1; ++y) DrawMixed(cell, y, state.samples, state.surfaces);
   }
 
-  void DrawPlain(const Cell& cell, int32_t view, CellPatches& patches) {
+  Eigen::Vector2f RayPerX(const Cell& cell) const {
+    return rays_.Corner(cell.x0 + 1, cell.y0) - rays_.Corner(cell.x0, cell.y0);
+  }
+  Eigen::Vector2f RayPerY(const Cell& cell) const {
+    return rays_.Corner(cell.x0, cell.y0 + 1) - rays_.Corner(cell.x0, cell.y0);
+  }
+
+  void DrawPlain(const Cell& cell, int32_t view, RowState& state) {
     if (view == kNoView) return DrawSky(cell);
-    const SurfacePatch& patch = patches.Of(view, rays_.Center((cell.x0 + cell.x1) / 2, (cell.y0 + cell.y1) / 2));
-    const int width = cell.x1 - cell.x0;
-    std::array<float, kCell_px> gray;
-    std::array<float, kCell_px> depth_m;
+    auto& plain = state.plain;
+    if (plain.view != view || cell.x0 >= plain.until_x) {
+      constexpr int kCellsShared = 4;
+      plain.view = view;
+      plain.until_x = cell.x0 + kCellsShared * kCell_px;
+      plain.patch = SurfacePatch(caster_.views()[static_cast<size_t>(view)],
+                                 rays_.Center((cell.x0 + cell.x1) / 2, (cell.y0 + cell.y1) / 2), RayPerX(cell),
+                                 RayPerY(cell));
+    }
     for (int y = cell.y0; y < cell.y1; ++y) {
-      patch.LookAt(&rays_.Center(cell.x0, y), width, gray.data(), depth_m.data());
-      for (int i = 0; i < width; ++i) {
-        const auto at = static_cast<size_t>(i);
-        SetPixel(cell.x0 + i, y, gray[at], depth_m[at], gray[at] * patch.tint_rgb());
-      }
+      const SurfacePatch::Look look = plain.patch.LookAt(rays_.CenterRow(cell.x0, y));
+      Strip strip;
+      strip.Add(look.gray, plain.patch.tint_rgb());
+      strip.depth_m = look.depth_m;
+      Store(strip, cell, y);
     }
   }
 
   void DrawSky(const Cell& cell) {
-    for (int y = cell.y0; y < cell.y1; ++y) {
-      for (int x = cell.x0; x < cell.x1; ++x) SetPixel(x, y, Sky(), 0, Eigen::Vector3f::Constant(Sky()));
-    }
+    Strip strip;
+    strip.AddSky(Eigen::Array4f::Constant(Sky()));
+    for (int y = cell.y0; y < cell.y1; ++y) Store(strip, cell, y);
   }
 
-  /// Rays through all centres and corners of a cell's pixels, and what they see; row by row, centres first.
-  struct PixelRays {
-    static constexpr size_t kMaxCenters = kCell_px * kCell_px;
-    static constexpr size_t kMaxCorners = (kCell_px + 1) * (kCell_px + 1);
-    std::array<Eigen::Vector2f, kMaxCenters + kMaxCorners> rays;
-    std::array<int32_t, kMaxCenters + kMaxCorners> views;
-    size_t num_centers = 0;
-    int width = 0;
-
-    size_t CenterIndex(int x, int y) const { return static_cast<size_t>(y * width + x); }
-    size_t CornerIndex(int x, int y) const { return num_centers + static_cast<size_t>(y * (width + 1) + x); }
-  };
-
-  void CastCenters(const Cell& cell, PixelRays& pixels) const {
-    pixels.width = cell.x1 - cell.x0;
-    for (int y = cell.y0; y < cell.y1; ++y) {
-      for (int x = cell.x0; x < cell.x1; ++x) pixels.rays[pixels.num_centers++] = rays_.Center(x, y);
-    }
-    caster_.Cast({pixels.rays.data(), pixels.num_centers}, {pixels.views.data(), pixels.num_centers});
-  }
-
-  void CastPixelCorners(const Cell& cell, PixelRays& pixels) const {
-    size_t next = pixels.num_centers;
-    for (int y = cell.y0; y <= cell.y1; ++y) {
-      for (int x = cell.x0; x <= cell.x1; ++x) pixels.rays[next++] = rays_.Corner(x, y);
-    }
-    const size_t count = next - pixels.num_centers;
-    caster_.Cast({&pixels.rays[pixels.num_centers], count}, {&pixels.views[pixels.num_centers], count});
-  }
-
-  /// A cell that may show several views; its top left corner sees `corner_view`, and the others the same if
-  /// `corners_agree`.
-  void DrawMixed(const Cell& cell, bool corners_agree, int32_t corner_view, CellPatches& patches) {
-    PixelRays pixels;
-    CastCenters(cell, pixels);
-    // Cells are suspected with some margin: most have an edge near them, not in them.
-    const bool all_agree = corners_agree && std::all_of(pixels.views.begin(), pixels.views.begin() + pixels.num_centers,
-                                                        [&](int32_t view) { return view == corner_view; });
-    if (all_agree) return DrawPlain(cell, corner_view, patches);
-    CastPixelCorners(cell, pixels);
-    for (int y = cell.y0; y < cell.y1; ++y) {
-      for (int x = cell.x0; x < cell.x1; ++x) {
-        const int cell_x = x - cell.x0;
-        const int cell_y = y - cell.y0;
-        DrawPixel(x, y, pixels,
-                  {pixels.CenterIndex(cell_x, cell_y), pixels.CornerIndex(cell_x, cell_y),
-                   pixels.CornerIndex(cell_x + 1, cell_y), pixels.CornerIndex(cell_x, cell_y + 1),
-                   pixels.CornerIndex(cell_x + 1, cell_y + 1)},
-                  patches);
-      }
-    }
-  }
-
-  /// Blends what the samples see; the centre counts for half of the pixel, the corners, which four pixels share, for an
-  /// eighth each. Depth is the centre's.
-  void DrawPixel(int x, int y, const PixelRays& pixels, const std::array<size_t, 5>& samples, CellPatches& patches) {
-    constexpr std::array<float, 5> kWeights = {0.5F, 0.125F, 0.125F, 0.125F, 0.125F};
-    const int32_t center_view = pixels.views[samples[0]];
-    const Eigen::Vector2f& center = pixels.rays[samples[0]];
-    float gray = 0;
-    Eigen::Vector3f color = Eigen::Vector3f::Zero();
-    std::array<bool, 5> done{};
-    for (size_t i = 0; i < samples.size(); ++i) {
-      if (done[i]) continue;
-      const int32_t view = pixels.views[samples[i]];
+  /// One line of a cell that shows several surfaces; they are blended as the samples see them. The centre counts for
+  /// half of the pixel, the corners, which four pixels share, for an eighth each. Depth is the centre's.
+  void DrawMixed(const Cell& cell, int y, const CellSamples& samples, const CellSurfaces& surfaces) {
+    const int line = y - cell.y0;
+    const CellSamples::Row centers = samples.Centers(line);
+    const std::array<CellSamples::Row, 4> corners = {samples.Corners(line, 0), samples.Corners(line, 1),
+                                                     samples.Corners(line + 1, 0), samples.Corners(line + 1, 1)};
+    Strip strip;
+    for (int slot = CellSurfaces::kSky; slot < surfaces.size(); ++slot) {
+      const auto number = static_cast<float>(slot);
+      Eigen::Array4f weight = (centers.slots == number).select(Eigen::Array4f::Constant(0.5F), 0.0F);
       // Samples of one surface are looked up once, in their middle, which the surface covers as it is convex.
-      float weight = 0;
-      Eigen::Vector2f middle = Eigen::Vector2f::Zero();
-      for (size_t j = i; j < samples.size(); ++j) {
-        if (pixels.views[samples[j]] != view) continue;
-        done[j] = true;
-        weight += kWeights[j];
-        middle += kWeights[j] * pixels.rays[samples[j]];
+      RayRow middle{weight * centers.rays.x, weight * centers.rays.y};
+      for (const CellSamples::Row& corner : corners) {
+        const Eigen::Array4f share = (corner.slots == number).select(Eigen::Array4f::Constant(0.125F), 0.0F);
+        weight += share;
+        middle.x += share * corner.rays.x;
+        middle.y += share * corner.rays.y;
       }
-      if (view == kNoView) {
-        gray += weight * Sky();
-        color.array() += weight * Sky();
+      if (!(weight > 0.0F).any()) continue;
+      if (slot == CellSurfaces::kSky) {
+        strip.AddSky(weight * Sky());
         continue;
       }
-      const SurfacePatch& patch = patches.Of(view, pixels.rays[samples[i]]);
-      const float level = weight * patch.GrayAt(middle / weight);
-      gray += level;
-      color += level * patch.tint_rgb();
+      const SurfacePatch& patch = surfaces[slot];
+      // Pixels that do not show the surface look where it surely is.
+      const Eigen::Array4f scale = weight.max(0.125F).inverse();
+      middle.x = (weight > 0.0F).select(middle.x * scale, patch.ray().x());
+      middle.y = (weight > 0.0F).select(middle.y * scale, patch.ray().y());
+      strip.Add(weight * patch.LookAt(middle).gray, patch.tint_rgb());
+      const Eigen::Array4f inverse_depth = patch.InverseDepthOf(centers.rays);
+      strip.depth_m = (centers.slots == number).select(inverse_depth.inverse(), strip.depth_m);
     }
-    SetPixel(x, y, gray, center_view == kNoView ? 0 : patches.Of(center_view, center).DepthAt(center), color);
+    Store(strip, cell, y);
   }
 
-  void SetPixel(int x, int y, float gray, float depth_m, const Eigen::Vector3f& color) {
-    const auto to_level = [](float level) { return static_cast<uint8_t>(std::clamp(level + 0.5F, 0.0F, 255.0F)); };
-    frame_.gray.at(x, y) = to_level(gray);
-    frame_.depth_m.at(x, y) = depth_m;
-    if (options_.with_color) frame_.color.at(x, y) = {to_level(color.x()), to_level(color.y()), to_level(color.z())};
+  /// Levels and depths of four pixels.
+  struct Strip {
+    Eigen::Array4f gray = Eigen::Array4f::Zero();
+    Eigen::Array4f depth_m = Eigen::Array4f::Zero();
+    std::array<Eigen::Array4f, 3> color = {gray, gray, gray};
+
+    void Add(const Eigen::Array4f& level, const Eigen::Vector3f& tint_rgb) {
+      gray += level;
+      for (size_t i = 0; i < color.size(); ++i) color[i] += level * tint_rgb[static_cast<Eigen::Index>(i)];
+    }
+    void AddSky(const Eigen::Array4f& level) { Add(level, Eigen::Vector3f::Ones()); }
+  };
+
+  void Store(const Strip& strip, const Cell& cell, int y) {
+    const auto to_levels = [](const Eigen::Array4f& level) {
+      return Eigen::Array4i((level + 0.5F).max(0.0F).min(255.0F).cast<int>());
+    };
+    const Eigen::Array4i gray = to_levels(strip.gray);
+    for (int x = cell.x0; x < cell.x1; ++x) {
+      frame_.gray.at(x, y) = static_cast<uint8_t>(gray[x - cell.x0]);
+      frame_.depth_m.at(x, y) = strip.depth_m[x - cell.x0];
+    }
+    if (!options_.with_color) return;
+    for (size_t i = 0; i < strip.color.size(); ++i) {
+      const Eigen::Array4i levels = to_levels(strip.color[i]);
+      for (int x = cell.x0; x < cell.x1; ++x) frame_.color.at(x, y)[i] = static_cast<uint8_t>(levels[x - cell.x0]);
+    }
   }
 
   float Sky() const { return static_cast<float>(options_.sky_gray); }

@@ -10,7 +10,7 @@ namespace {
 
 /// Surfaces seen at a flat angle are looked up at several places along the pixel's long axis; beyond that many the
 /// picture is blurred.
-constexpr int kMaxTaps = 3;
+constexpr int kMaxTaps = 2;
 /// Each of them may be this much longer than wide: linear blending reaches further than a box.
 constexpr float kStretch = 1.6F;
 /// A mip level is already a box filter; blending two of them over the whole pixel would blur twice.
@@ -116,9 +116,9 @@ void SurfacePatch::ChooseLookup(const Eigen::Vector2f& ray_per_x, const Eigen::V
   tap_uv_ = axis.cwiseQuotient(size);
 }
 
-float SurfacePatch::Texel(float u, float v, float level) const {
+Eigen::Array4f SurfacePatch::Texels(const Eigen::Array4f& u, const Eigen::Array4f& v, float level) const {
   if (num_taps_ == 1) return texture_->SampleLevel(u, v, level, beyond_);
-  float sum = 0;
+  Eigen::Array4f sum = Eigen::Array4f::Zero();
   for (int tap = 0; tap < num_taps_; ++tap) {
     const float steps = static_cast<float>(tap) - 0.5F * static_cast<float>(num_taps_ - 1);
     sum += texture_->SampleLevel(u + steps * tap_uv_.x(), v + steps * tap_uv_.y(), level, beyond_);
@@ -126,41 +126,51 @@ float SurfacePatch::Texel(float u, float v, float level) const {
   return sum / static_cast<float>(num_taps_);
 }
 
-float SurfacePatch::Brightness(float u, float v) const {
+Eigen::Array4f SurfacePatch::Brightness(const Eigen::Array4f& u, const Eigen::Array4f& v) const {
   const LightGrid& light = quad_->light;
-  const float x = std::clamp(u, 0.0F, 1.0F) * static_cast<float>(light.columns - 1);
-  const float y = std::clamp(v, 0.0F, 1.0F) * static_cast<float>(light.rows - 1);
-  const int x0 = std::min(static_cast<int>(x), light.columns - 2);
-  const int y0 = std::min(static_cast<int>(y), light.rows - 2);
-  const float wx = x - static_cast<float>(x0);
-  const float wy = y - static_cast<float>(y0);
-  const float* top = light.factors.data() + static_cast<ptrdiff_t>(y0) * light.columns + x0;
-  const float* bottom = top + light.columns;
-  const float above = top[0] + (top[1] - top[0]) * wx;
-  const float below = bottom[0] + (bottom[1] - bottom[0]) * wx;
-  return above + (below - above) * wy;
+  const Eigen::Array4f x = u.max(0.0F).min(1.0F) * static_cast<float>(light.columns - 1);
+  const Eigen::Array4f y = v.max(0.0F).min(1.0F) * static_cast<float>(light.rows - 1);
+  const Eigen::Array4i x0 = x.cast<int>().min(light.columns - 2);
+  const Eigen::Array4i y0 = y.cast<int>().min(light.rows - 2);
+  Eigen::Array4f top_left, top_right, bottom_left, bottom_right;
+  for (int i = 0; i < RayRow::kSize; ++i) {
+    const float* top = light.factors.data() + static_cast<ptrdiff_t>(y0[i]) * light.columns + x0[i];
+    const float* bottom = top + light.columns;
+    top_left[i] = top[0];
+    top_right[i] = top[1];
+    bottom_left[i] = bottom[0];
+    bottom_right[i] = bottom[1];
+  }
+  const Eigen::Array4f wx = x - x0.cast<float>();
+  const Eigen::Array4f above = top_left + (top_right - top_left) * wx;
+  const Eigen::Array4f below = bottom_left + (bottom_right - bottom_left) * wx;
+  return above + (below - above) * (y - y0.cast<float>());
 }
 
-void SurfacePatch::LookAt(const Eigen::Vector2f* rays, int count, float* gray, float* depth_m) const {
-  std::array<float, kMaxRays> u;
-  std::array<float, kMaxRays> v;
-  std::array<float, kMaxRays> level;
-  for (size_t i = 0; i < static_cast<size_t>(count); ++i) {
-    const float x = rays[i].x() - ray_.x();
-    const float y = rays[i].y() - ray_.y();
-    const float z = 1.0F / inverse_depth_(x, y);
-    depth_m[i] = z;
-    u[i] = texture_u_over_z_(x, y) * z;
-    v[i] = texture_v_over_z_(x, y) * z;
-    level[i] = level_ + level_per_log2z_ * Texture::FastLog2(z * inverse_depth_.at_ray);
+SurfacePatch::Look SurfacePatch::LookAt(const RayRow& rays) const {
+  const RayRow off = OffOf(rays);
+  Look look;
+  look.depth_m = inverse_depth_(off).inverse();
+  // Neighbouring pixels share a mip level: that of the second of the four.
+  const float level = level_ + level_per_log2z_ * Texture::FastLog2(look.depth_m[1] * inverse_depth_.at_ray);
+  look.gray = Texels(texture_u_over_z_(off) * look.depth_m, texture_v_over_z_(off) * look.depth_m, level);
+  if (!quad_->light.factors.empty()) {
+    look.gray *= Brightness(u_over_z_(off) * look.depth_m, v_over_z_(off) * look.depth_m);
   }
-  for (size_t i = 0; i < static_cast<size_t>(count); ++i) gray[i] = Texel(u[i], v[i], level[i]);
-  if (quad_->light.factors.empty()) return;
-  for (size_t i = 0; i < static_cast<size_t>(count); ++i) {
-    const float x = rays[i].x() - ray_.x();
-    const float y = rays[i].y() - ray_.y();
-    gray[i] *= Brightness(u_over_z_(x, y) * depth_m[i], v_over_z_(x, y) * depth_m[i]);
-  }
+  return look;
+}
+
+Eigen::Array4f SurfacePatch::InverseDepthIfMet(const RayRow& rays) const {
+  // u and v in [0, 1], multiplied by 1/z; rectangles that touch leave no gap between them.
+  constexpr float kSlack = 1e-5F;
+  const RayRow off = OffOf(rays);
+  const Eigen::Array4f inverse_depth = inverse_depth_(off);
+  const Eigen::Array4f low = -kSlack * inverse_depth;
+  const Eigen::Array4f high = (1 + kSlack) * inverse_depth;
+  const Eigen::Array4f u = u_over_z_(off);
+  const Eigen::Array4f v = v_over_z_(off);
+  const auto is_met = inverse_depth > 0.0F && u >= low && u <= high && v >= low && v <= high;
+  return is_met.select(inverse_depth, Eigen::Array4f::Zero());
 }
 
 }  // namespace mapp::sim

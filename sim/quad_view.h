@@ -52,17 +52,18 @@ class SurfacePatch {
   SurfacePatch(const QuadView& view, const Eigen::Vector2f& ray, const Eigen::Vector2f& ray_per_x,
                const Eigen::Vector2f& ray_per_y);
 
-  /// Gray level that a nearby ray sees.
-  float GrayAt(const Eigen::Vector2f& ray) const {
-    float gray = 0;
-    float depth_m = 0;
-    LookAt(&ray, 1, &gray, &depth_m);
-    return gray;
-  }
-  float DepthAt(const Eigen::Vector2f& ray) const { return 1.0F / InverseDepth(ray - ray_); }
-  /// Gray levels and depths that `count` nearby rays see, at most kMaxRays.
-  static constexpr int kMaxRays = 4;
-  void LookAt(const Eigen::Vector2f* rays, int count, float* gray, float* depth_m) const;
+  struct Look {
+    Eigen::Array4f gray;
+    Eigen::Array4f depth_m;
+  };
+  /// What nearby rays see. They must meet the rectangle's plane in front of the camera.
+  Look LookAt(const RayRow& rays) const;
+  /// The inverse depth at which nearby rays meet the rectangle's plane, 1/m.
+  Eigen::Array4f InverseDepthOf(const RayRow& rays) const { return inverse_depth_(OffOf(rays)); }
+  /// The inverse depth at which they meet the rectangle, 1/m; 0 where they pass it by.
+  Eigen::Array4f InverseDepthIfMet(const RayRow& rays) const;
+  /// The ray around which this is.
+  const Eigen::Vector2f& ray() const { return ray_; }
   const Eigen::Vector3f& tint_rgb() const { return quad_->tint_rgb; }
 
  private:
@@ -71,13 +72,13 @@ class SurfacePatch {
     float at_ray = 0;
     float per_x = 0;
     float per_y = 0;
-    float operator()(float x, float y) const { return at_ray + per_x * x + per_y * y; }
+    Eigen::Array4f operator()(const RayRow& off) const { return at_ray + per_x * off.x + per_y * off.y; }
   };
 
   void ChooseLookup(const Eigen::Vector2f& ray_per_x, const Eigen::Vector2f& ray_per_y);
-  float InverseDepth(const Eigen::Vector2f& off) const { return inverse_depth_(off.x(), off.y()); }
-  float Texel(float u, float v, float level) const;
-  float Brightness(float u, float v) const;
+  RayRow OffOf(const RayRow& rays) const { return {rays.x - ray_.x(), rays.y - ray_.y()}; }
+  Eigen::Array4f Texels(const Eigen::Array4f& u, const Eigen::Array4f& v, float level) const;
+  Eigen::Array4f Brightness(const Eigen::Array4f& u, const Eigen::Array4f& v) const;
 
   const Quad* quad_ = nullptr;
   const Texture* texture_ = nullptr;

@@ -27,7 +27,7 @@ GrayImage Halve(const GrayImage& image) {
 
 /// A mip level is shown alone this far, in levels, to either side of it; in between two of them are blended. (Blending
 /// over the whole way would look twice as often, for a difference that cannot be seen.)
-constexpr float kAlone = 0.2F;
+constexpr float kAlone = 0.3F;
 
 }  // namespace
 
@@ -48,50 +48,57 @@ Texture::Level::Level(const GrayImage& image)
   }
 }
 
-/// Between the texels whose centres stand at whole numbers; x in [0, width], y in [0, height].
-inline float Texture::Level::Blend(float x, float y) const {
-  const int x0 = static_cast<int>(x);
-  const int y0 = static_cast<int>(y);
-  const float wx = x - static_cast<float>(x0);
-  const float wy = y - static_cast<float>(y0);
-  const uint8_t* top = texels.data() + static_cast<size_t>(y0) * stride + static_cast<size_t>(x0);
-  const uint8_t* bottom = top + stride;
-  const auto above = static_cast<float>(top[0]) + static_cast<float>(top[1] - top[0]) * wx;
-  const auto below = static_cast<float>(bottom[0]) + static_cast<float>(bottom[1] - bottom[0]) * wx;
+/// Blends between the texels whose centres stand at whole numbers.
+inline Eigen::Array4f Texture::Level::At(const Eigen::Array4f& u, const Eigen::Array4f& v, Beyond beyond) const {
+  const auto size_x = static_cast<float>(width);
+  const auto size_y = static_cast<float>(height);
+  Eigen::Array4f x = u * size_x - 0.5F;
+  Eigen::Array4f y = v * size_y - 0.5F;
+  if (beyond == Beyond::kClamp) {
+    x = x.max(0.0F).min(size_x - 1);
+    y = y.max(0.0F).min(size_y - 1);
+  } else {
+    // u and v are in [0, 1], so the position is in [-0.5, size - 0.5], and in [0, size] when moved.
+    x = (x < 0.0F).select(x + size_x, x);
+    y = (y < 0.0F).select(y + size_y, y);
+  }
+  const Eigen::Array4i x0 = x.cast<int>();
+  const Eigen::Array4i y0 = y.cast<int>();
+  Eigen::Array4i top_left, top_right, bottom_left, bottom_right;
+  for (int i = 0; i < 4; ++i) {
+    const uint8_t* top = texels.data() + static_cast<size_t>(y0[i]) * stride + static_cast<size_t>(x0[i]);
+    const uint8_t* bottom = top + stride;
+    top_left[i] = top[0];
+    top_right[i] = top[1];
+    bottom_left[i] = bottom[0];
+    bottom_right[i] = bottom[1];
+  }
+  const Eigen::Array4f wx = x - x0.cast<float>();
+  const Eigen::Array4f wy = y - y0.cast<float>();
+  const Eigen::Array4f above = top_left.cast<float>() + (top_right - top_left).cast<float>() * wx;
+  const Eigen::Array4f below = bottom_left.cast<float>() + (bottom_right - bottom_left).cast<float>() * wx;
   return above + (below - above) * wy;
 }
 
-inline float Texture::Level::At(float u, float v, Beyond beyond) const {
-  const auto size_x = static_cast<float>(width);
-  const auto size_y = static_cast<float>(height);
-  float x = u * size_x - 0.5F;
-  float y = v * size_y - 0.5F;
-  if (beyond == Beyond::kClamp) {
-    x = std::clamp(x, 0.0F, size_x - 1);
-    y = std::clamp(y, 0.0F, size_y - 1);
-  } else {
-    // u and v are in [0, 1], so the position is in [-0.5, size - 0.5], and in [0, size] when moved.
-    if (x < 0) x += size_x;
-    if (y < 0) y += size_y;
-  }
-  return Blend(x, y);
-}
-
 float Texture::Sample(float u, float v, float footprint_texels) const {
-  return SampleLevel(u, v, FastLog2(std::max(footprint_texels, 1.0F)), Beyond::kClamp);
+  return SampleLevel(Eigen::Array4f::Constant(u), Eigen::Array4f::Constant(v),
+                     FastLog2(std::max(footprint_texels, 1.0F)), Beyond::kClamp)[0];
 }
 
-float Texture::SampleLevel(float u, float v, float level, Beyond beyond) const {
+Eigen::Array4f Texture::SampleLevel(const Eigen::Array4f& u_any, const Eigen::Array4f& v_any, float level,
+                                    Beyond beyond) const {
+  Eigen::Array4f u = u_any;
+  Eigen::Array4f v = v_any;
   if (beyond == Beyond::kRepeat) {
-    u -= std::floor(u);
-    v -= std::floor(v);
+    u -= u.floor();
+    v -= v.floor();
   }
   const float clamped = std::clamp(level, 0.0F, static_cast<float>(levels_.size() - 1));
   const auto fine = static_cast<size_t>(clamped);
   const float blend = (clamped - static_cast<float>(fine) - kAlone) / (1 - 2 * kAlone);
   if (blend <= 0) return levels_[fine].At(u, v, beyond);
   if (blend >= 1) return levels_[fine + 1].At(u, v, beyond);
-  const float fine_value = levels_[fine].At(u, v, beyond);
+  const Eigen::Array4f fine_value = levels_[fine].At(u, v, beyond);
   return fine_value + (levels_[fine + 1].At(u, v, beyond) - fine_value) * blend;
 }
 

@@ -2,6 +2,8 @@
 
 #include "mapp/image/image.h"
 
+#include <Eigen/Core>
+
 #include <bit>
 #include <cstddef>
 #include <cstdint>
@@ -24,8 +26,8 @@ class Texture {
 
   /// What lies beyond [0, 1]: the border's texels, or the picture again.
   enum class Beyond : uint8_t { kClamp, kRepeat };
-  /// The same at a mip level, 0 being the finest; fractions blend, and a level out of range is the nearest one.
-  float SampleLevel(float u, float v, float level, Beyond beyond) const;
+  /// Four samples at a mip level, 0 being the finest; fractions blend, and a level out of range is the nearest one.
+  Eigen::Array4f SampleLevel(const Eigen::Array4f& u, const Eigen::Array4f& v, float level, Beyond beyond) const;
 
   /// log2, linear between powers of two: at most 0.09 off, unseen in a blend of mip levels. x > 0.
   static float FastLog2(float x) {
@@ -39,8 +41,7 @@ class Texture {
   /// right and a lower neighbour.
   struct Level {
     explicit Level(const GrayImage& image);
-    float Blend(float x, float y) const;
-    float At(float u, float v, Beyond beyond) const;
+    Eigen::Array4f At(const Eigen::Array4f& u, const Eigen::Array4f& v, Beyond beyond) const;
 
     int width = 0;
     int height = 0;

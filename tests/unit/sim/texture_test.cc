@@ -7,6 +7,11 @@
 namespace mapp::sim {
 namespace {
 
+/// The second of four samples of which the others lie elsewhere.
+float SampleOne(const Texture& texture, float u, float v, float level, Texture::Beyond beyond) {
+  return texture.SampleLevel({0.9F, u, 0.1F, 0.4F}, {0.2F, v, 0.8F, 0.3F}, level, beyond)[1];
+}
+
 TEST(TextureTest, TexelCentersKeepTheirLevel) {
   GrayImage image(4, 2);
   for (size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = static_cast<uint8_t>(30 * i);
@@ -47,21 +52,21 @@ TEST(TextureTest, RepeatsSeamlessly) {
   GrayImage image(5, 3);
   for (size_t i = 0; i < image.pixels.size(); ++i) image.pixels[i] = static_cast<uint8_t>(17 * i);
   const Texture texture(image);
-  const auto repeated = [&](float u, float v) { return texture.SampleLevel(u, v, 0, Texture::Beyond::kRepeat); };
+  const auto repeated = [&](float u, float v) { return SampleOne(texture, u, v, 0, Texture::Beyond::kRepeat); };
   EXPECT_NEAR(repeated(0.1F, 0.5F), image.at(0, 1), 1e-3) << "a texel's centre";
   EXPECT_NEAR(repeated(-1.9F, 3.5F), image.at(0, 1), 1e-3);
   EXPECT_NEAR(repeated(0.0F, 0.5F), 0.5 * (image.at(4, 1) + image.at(0, 1)), 1e-3) << "across the border";
   EXPECT_NEAR(repeated(2.0F, 0.5F), 0.5 * (image.at(4, 1) + image.at(0, 1)), 1e-3);
   EXPECT_NEAR(repeated(0.3F, 1.0F), 0.5 * (image.at(1, 2) + image.at(1, 0)), 1e-3);
-  EXPECT_NEAR(texture.SampleLevel(-0.5F, 0.5F, 0, Texture::Beyond::kClamp), image.at(0, 1), 1e-3);
+  EXPECT_NEAR(SampleOne(texture, -0.5F, 0.5F, 0, Texture::Beyond::kClamp), image.at(0, 1), 1e-3);
 }
 
 TEST(TextureTest, LevelsOutOfRangeAreTheNearestOne) {
   GrayImage image(2, 2);
   image.pixels = {0, 100, 200, 100};
   const Texture texture(image);
-  EXPECT_NEAR(texture.SampleLevel(0.25F, 0.25F, -3, Texture::Beyond::kRepeat), 0, 1e-3);
-  EXPECT_NEAR(texture.SampleLevel(0.25F, 0.25F, 9, Texture::Beyond::kRepeat), 100, 1e-3);
+  EXPECT_NEAR(SampleOne(texture, 0.25F, 0.25F, -3, Texture::Beyond::kRepeat), 0, 1e-3);
+  EXPECT_NEAR(SampleOne(texture, 0.25F, 0.25F, 9, Texture::Beyond::kRepeat), 100, 1e-3);
 }
 
 }  // namespace
