@@ -21,25 +21,25 @@ namespace {
 
 namespace fs = std::filesystem;
 
-/// The experiment of this name, or all; those that measure in none of the context's settings are left out.
-StatusOr<std::vector<Experiment>> Choose(const std::string& name, const std::vector<std::string>& settings) {
+/// The experiments of these names, or all, in the paper's order; those that measure in none of `settings` are left out.
+StatusOr<std::vector<Experiment>> Choose(const std::vector<std::string>& names,
+                                         const std::vector<std::string>& settings) {
+  std::vector<std::string> known = {"all"};
+  for (const Experiment& experiment : Experiments()) known.push_back(experiment.name);
+  for (const std::string& name : names) {
+    if (std::ranges::count(known, name) > 0) continue;
+    return absl::InvalidArgumentError(fmt::format("no experiment {}; there are {}", name, fmt::join(known, ", ")));
+  }
   std::vector<Experiment> chosen;
-  std::string names = "all";
-  bool is_known = name == "all";
   for (const Experiment& experiment : Experiments()) {
-    names += ", " + experiment.name;
-    if (name != "all" && name != experiment.name) continue;
-    is_known = true;
-    const bool is_chosen =
+    const bool is_named = std::ranges::count(names, experiment.name) + std::ranges::count(names, "all") > 0;
+    const bool is_in_setting =
         settings.empty() || std::ranges::find_first_of(experiment.settings, settings) != experiment.settings.end();
-    if (is_chosen) chosen.push_back(experiment);
+    if (is_named && is_in_setting) chosen.push_back(experiment);
   }
-  if (!is_known) return absl::InvalidArgumentError(fmt::format("no experiment {}; there are {}", name, names));
-  if (chosen.empty()) {
-    return absl::InvalidArgumentError(
-        fmt::format("{} measures nothing in {}", name, fmt::join(settings, " or ")));
-  }
-  return chosen;
+  if (!chosen.empty()) return chosen;
+  return absl::InvalidArgumentError(
+      fmt::format("{}: nothing is measured in {}", fmt::join(names, ", "), fmt::join(settings, " or ")));
 }
 
 /// Removed when it goes, unless it is to be kept.
@@ -162,7 +162,7 @@ std::string ListExperiments() {
 }
 
 Status RunEval(const EvalOptions& options, const std::stop_token& stop, std::ostream& out) {
-  MAPP_ASSIGN_OR_RETURN(const std::vector<Experiment> experiments, Choose(options.experiment, options.settings));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<Experiment> experiments, Choose(options.experiments, options.settings));
   std::error_code ignored;  // what cannot be looked at is not there; Open says what is wrong
   const bool was_there = fs::exists(options.out, ignored);
   MAPP_ASSIGN_OR_RETURN(ReportFolder folder, ReportFolder::Open(options.out, HeaderOf(options)));

@@ -11,7 +11,7 @@
 namespace mapp {
 
 struct EvalOptions {
-  std::string experiment;  ///< a name, or "all"
+  std::vector<std::string> experiments;  ///< names, or "all"
   bool quick = false;
   std::vector<std::string> settings;  ///< to measure in; empty: all
   uint64_t seed = 1;
@@ -24,7 +24,7 @@ struct EvalOptions {
 /// Names and titles of the experiments, a line each.
 std::string ListExperiments();
 
-/// `mapp eval EXPERIMENT|all`: runs experiments against servers of its own and writes results.json, CSV, plots and
+/// `mapp eval EXPERIMENT...|all`: runs experiments against servers of its own and writes results.json, CSV, plots and
 /// REPORT.md to `out` after each. INVALID_ARGUMENT: no such experiment, or none of its settings chosen. Errors else as Lab's and ReportFolder's.
 Status RunEval(const EvalOptions& options, const std::stop_token& stop, std::ostream& out);
 

@@ -316,7 +316,7 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
   command->footer("Experiments:\n" + ListExperiments() +
                   "  all             every one of them\n"
                   "  report          write CSV, plots and REPORT.md of OUT anew from its results.json");
-  command->add_option("experiment", options->experiment, "One of the experiments below, all, or report")
+  command->add_option("experiment", options->experiments, "Experiments of those below, all, or report")
       ->required()
       ->type_name("EXPERIMENT");
   command
@@ -339,7 +339,7 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
   command->callback([options, &chosen] {
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
-      if (options->experiment == "report") return RunEvalReport(options->out, watcher->token(), std::cout);
+      if (options->experiments == std::vector<std::string>{"report"}) return RunEvalReport(options->out, watcher->token(), std::cout);
       return RunEval(*options, watcher->token(), std::cout);
     };
   });

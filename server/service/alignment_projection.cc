@@ -14,6 +14,8 @@ namespace {
 /// Points seen from further aside than this look different to ORB (the views at which matching broke down on the
 /// kitchen sequences).
 const double kMinViewCosine = std::cos(60.0 * std::numbers::pi / 180.0);
+/// Within this angle, ORB finds most points again.
+const double kAlikeCosine = std::cos(20.0 * std::numbers::pi / 180.0);
 constexpr double kFirstRadiusPx = 12;
 constexpr double kFinalRadiusPx = 6;
 constexpr int kMinMatches = 12;
@@ -92,12 +94,16 @@ bool DepthAgrees(const QueryKeyframe& query, int feature_idx, const Eigen::Vecto
   return depth_m <= 0 || std::abs(p_camera.z() - depth_m) < PointTolerance(depth_m);
 }
 
+/// What the camera should see again: points met at about this angle before, whose descriptors should still be alike.
 std::vector<ExpectedPoint> Expect(const QueryKeyframe& query, std::span<const PointRecord> points,
                                   const Pose3& T_map_camera) {
   const Pose3 T_camera_map = T_map_camera.Inverse();
   std::vector<ExpectedPoint> expected;
   for (const Candidate& candidate : ProjectVisible(query, points, T_map_camera, kFinalRadiusPx)) {
-    const Eigen::Vector3d p_camera = T_camera_map * points[static_cast<size_t>(candidate.point_idx)].position;
+    const PointRecord& point = points[static_cast<size_t>(candidate.point_idx)];
+    const Eigen::Vector3d ray_map = point.position - T_map_camera.translation();
+    if (ray_map.dot(point.view_direction.cast<double>()) < kAlikeCosine * ray_map.norm()) continue;
+    const Eigen::Vector3d p_camera = T_camera_map * point.position;
     expected.push_back(
         {{candidate.projected.u_px, candidate.projected.v_px}, static_cast<float>(p_camera.z())});
   }

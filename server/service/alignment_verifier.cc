@@ -116,10 +116,9 @@ StatusOr<std::optional<Pose3>> EstimateFromMatches(MapReader& reader, const Quer
 bool IsSupported(const ProjectionAlignment& alignment, const RegistrarOptions& options) {
   const auto num_inliers = static_cast<double>(alignment.inliers.size());
   const ViewAgreement& view = alignment.agreement;
-  const int num_telling = view.num_agreeing + view.num_contradicting;
   return num_inliers >= options.min_inliers && num_inliers >= options.min_inlier_ratio * alignment.num_offered &&
          alignment.num_cells >= options.min_inlier_cells &&
-         view.num_agreeing >= options.min_agreeing_share * num_telling;
+         view.num_contradicting <= std::max(options.max_contradicting_cells, view.num_agreeing);
 }
 
 /// The best of the tried alignments, if it is good enough and no other place rivals it.

@@ -19,8 +19,9 @@ struct RegistrarOptions {
   double min_inlier_ratio = 0.4;  ///< of the matches offered to the final guided check
   /// Cells of a 4x4 grid over the image that hold inliers: a match confined to one poster or one car tells little.
   int min_inlier_cells = 6;
-  /// Of the cells that tell something about a pose, those that must agree with it (view_agreement.h).
-  double min_agreeing_share = 0.6;
+  /// Cells of the view that contradict a pose must not be more than those that agree with it (view_agreement.h); up to
+  /// this many are let pass: something may have moved.
+  int max_contradicting_cells = 2;
   int min_consistent_keyframes = 3;  ///< that agree before a merge (DESIGN 7)
   /// Two keyframes suffice when both have this many inliers.
   int strong_inliers = 100;

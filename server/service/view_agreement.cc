@@ -14,9 +14,8 @@ static_assert(kGridCells * kGridCells == kNumAgreementCells);
 
 /// A cell has something to say with this many points to be seen, and as many features to see them with.
 constexpr int kMinPoints = 8;
-// Of the lesser of the two, the share of inliers from which a cell agrees, and below which it contradicts. Where a
-// recorded kitchen was met again at its right place, 7 to 13 cells agreed and 0 to 3 contradicted; between the equal
-// cars and panels of a simulated garage, 2 to 6 agreed and 5 to 9 contradicted.
+// Of the lesser of the two, the share of inliers from which a cell agrees, and below which it contradicts
+// (docs/decisions/0007).
 constexpr double kAgreeing = 0.15;
 constexpr double kContradicting = 0.08;
 /// Features this near tell whether something stands before an expected point.

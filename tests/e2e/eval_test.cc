@@ -41,6 +41,13 @@ TEST_F(EvalBadInputTest, AnUnknownExperimentIsToldWhichThereAre) {
   EXPECT_FALSE(std::filesystem::exists(Out())) << "nothing is made for nothing";
 }
 
+TEST_F(EvalBadInputTest, AnExperimentThatNeedsAnotherSettingIsRefused) {
+  EXPECT_THAT(ExpectFailure({"eval", "hall", "latency", "--setting", "garage", "--quick", "--out", Out()}),
+              AllOf(HasSubstr("hall, latency"), HasSubstr("garage")));
+  EXPECT_FALSE(std::filesystem::exists(Out()));
+  EXPECT_THAT(ExpectFailure({"eval", "all", "--setting", "moon", "--out", Out()}), HasSubstr("moon"));
+}
+
 TEST_F(EvalBadInputTest, AFolderThatCannotBeMadeIsNamed) {
   EXPECT_THAT(ExpectFailure({"eval", "traffic", "--quick", "--out", "/proc/nowhere"}), HasSubstr("/proc/nowhere"));
 }

@@ -55,7 +55,7 @@ SyntheticRoom::SyntheticRoom(uint64_t seed, const SyntheticRoom& twin) : Synthet
 }
 
 bool SyntheticRoom::IsOnSharedPanel(const Landmark& landmark) {
-  return landmark.normal.z() < 0 && landmark.p_world.x() > 0.2;
+  return landmark.normal.z() < 0 && landmark.p_world.x() > 0.4;
 }
 
 Camera SyntheticRoom::DeviceCamera() {

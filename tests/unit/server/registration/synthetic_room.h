@@ -19,7 +19,7 @@ class SyntheticRoom {
  public:
   /// Rooms of different seeds have nothing in common.
   explicit SyntheticRoom(uint64_t seed);
-  /// A room of its own, but for the part x > 0.2 m of its +z wall, which is that of `twin`: an equal panel.
+  /// A room of its own, but for the part x > 0.4 m of its +z wall, which is that of `twin`: an equal panel.
   SyntheticRoom(uint64_t seed, const SyntheticRoom& twin);
 
   static Camera DeviceCamera();
