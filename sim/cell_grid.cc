@@ -46,17 +46,16 @@ CellGrid::CellGrid(const RayTable& rays)
       rows_(NumCells(rays.height())),
       stride_(static_cast<size_t>(columns_) + 1),
       corner_views_(stride_ * (static_cast<size_t>(rows_) + 1), kNoView),
-      edge_in_front_(static_cast<size_t>(columns_) * static_cast<size_t>(rows_)) {}
+      states_(static_cast<size_t>(columns_) * static_cast<size_t>(rows_)) {}
 
-bool CellGrid::CornersAgree(int column, int row) const {
-  const int32_t* top = CornerViews(row) + column;
-  const int32_t* bottom = CornerViews(row + 1) + column;
-  return top[0] == top[1] && top[0] == bottom[0] && top[0] == bottom[1];
-}
-
-bool CellGrid::IsPlain(int column, int row) const {
-  const size_t cell = static_cast<size_t>(row) * static_cast<size_t>(columns_) + static_cast<size_t>(column);
-  return CornersAgree(column, row) && edge_in_front_[cell].load(std::memory_order_relaxed) == 0;
+void CellGrid::CompareCorners(int row) {
+  const int32_t* top = CornerViews(row);
+  const int32_t* bottom = CornerViews(row + 1);
+  for (int column = 0; column < columns_; ++column) {
+    const int32_t view = top[column];
+    const bool agree = view == top[column + 1] && view == bottom[column] && view == bottom[column + 1];
+    states_[CellIndex(column, row)].store(agree ? State::kPlain : State::kMixed, std::memory_order_relaxed);
+  }
 }
 
 void CellGrid::MarkEdges(const std::vector<QuadView>& views, int32_t view_idx) {
@@ -99,14 +98,12 @@ void CellGrid::MarkAround(const std::vector<QuadView>& views, int32_t view_idx, 
   const int last_row = cell_of(pixel.y() + kReach_px, rows_);
   for (int row = cell_of(pixel.y() - kReach_px, rows_); row <= last_row; ++row) {
     for (int column = cell_of(pixel.x() - kReach_px, columns_); column <= last_column; ++column) {
-      if (!CornersAgree(column, row)) continue;
+      if (!IsPlain(column, row)) continue;
       const int32_t seen = CornerViews(row)[column];
       if (seen == view_idx) continue;
       const bool in_front =
           seen == kNoView || at.z() > kInFront * views[static_cast<size_t>(seen)].InverseDepth(at.x(), at.y());
-      if (!in_front) continue;
-      const size_t cell = static_cast<size_t>(row) * static_cast<size_t>(columns_) + static_cast<size_t>(column);
-      edge_in_front_[cell].store(1, std::memory_order_relaxed);
+      if (in_front) states_[CellIndex(column, row)].store(State::kSuspected, std::memory_order_relaxed);
     }
   }
 }

@@ -32,13 +32,26 @@ class CellGrid {
   /// called by several threads for different views once all corners are filled.
   void MarkEdges(const std::vector<QuadView>& views, int32_t view_idx);
 
+  /// Compares the corners of the cells of a row; once the corners around it are filled, before edges are marked.
+  void CompareCorners(int row);
+
   /// Whether the four corners of the cell see one view, or all nothing.
-  bool CornersAgree(int column, int row) const;
+  bool CornersAgree(int column, int row) const { return StateOf(column, row) != State::kMixed; }
 
   /// Whether the cell shows nothing but what its top left corner sees.
-  bool IsPlain(int column, int row) const;
+  bool IsPlain(int column, int row) const { return StateOf(column, row) == State::kPlain; }
 
  private:
+  enum class State : uint8_t {
+    kMixed,      ///< its corners see different views
+    kPlain,      ///< they see the same
+    kSuspected,  ///< they do, and an edge stands in front of it
+  };
+
+  size_t CellIndex(int column, int row) const {
+    return static_cast<size_t>(row) * static_cast<size_t>(columns_) + static_cast<size_t>(column);
+  }
+  State StateOf(int column, int row) const { return states_[CellIndex(column, row)].load(std::memory_order_relaxed); }
   void MarkEdge(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector3d& from_camera,
                 const Eigen::Vector3d& to_camera);
   void MarkAround(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector3d& at,
@@ -49,7 +62,7 @@ class CellGrid {
   const int rows_;
   const size_t stride_;
   std::vector<int32_t> corner_views_;
-  std::vector<std::atomic<uint8_t>> edge_in_front_;  ///< by cell, row-major
+  std::vector<std::atomic<State>> states_;  ///< by cell, row-major
 };
 
 }  // namespace mapp::sim

@@ -64,15 +64,18 @@ inline Eigen::Array4f Texture::Level::At(const Eigen::Array4f& u, const Eigen::A
   }
   const Eigen::Array4i x0 = x.cast<int>();
   const Eigen::Array4i y0 = y.cast<int>();
-  Eigen::Array4i top_left, top_right, bottom_left, bottom_right;
+  // Two neighbours at once: the right one in the upper byte.
+  Eigen::Array4i top_pair, bottom_pair;
   for (int i = 0; i < 4; ++i) {
     const uint8_t* top = texels.data() + static_cast<size_t>(y0[i]) * stride + static_cast<size_t>(x0[i]);
     const uint8_t* bottom = top + stride;
-    top_left[i] = top[0];
-    top_right[i] = top[1];
-    bottom_left[i] = bottom[0];
-    bottom_right[i] = bottom[1];
+    top_pair[i] = top[0] | top[1] << 8;
+    bottom_pair[i] = bottom[0] | bottom[1] << 8;
   }
+  const Eigen::Array4i top_right = top_pair.shiftRight<8>();
+  const Eigen::Array4i bottom_right = bottom_pair.shiftRight<8>();
+  const Eigen::Array4i top_left = top_pair - top_right.shiftLeft<8>();
+  const Eigen::Array4i bottom_left = bottom_pair - bottom_right.shiftLeft<8>();
   const Eigen::Array4f wx = x - x0.cast<float>();
   const Eigen::Array4f wy = y - y0.cast<float>();
   const Eigen::Array4f above = top_left.cast<float>() + (top_right - top_left).cast<float>() * wx;
