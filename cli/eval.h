@@ -25,7 +25,8 @@ struct EvalOptions {
 std::string ListExperiments();
 
 /// `mapp eval EXPERIMENT...|all`: runs experiments against servers of its own and writes results.json, CSV, plots and
-/// REPORT.md to `out` after each. INVALID_ARGUMENT: no such experiment, or none of its settings chosen. Errors else as Lab's and ReportFolder's.
+/// REPORT.md to `out` after each. INVALID_ARGUMENT: no such experiment, or none of its settings chosen. Errors else as
+/// Lab's and ReportFolder's.
 Status RunEval(const EvalOptions& options, const std::stop_token& stop, std::ostream& out);
 
 /// `mapp eval report`: writes CSV, plots and REPORT.md anew from the results.json of `folder`.

@@ -339,7 +339,8 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
   command->callback([options, &chosen] {
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
-      if (options->experiments == std::vector<std::string>{"report"}) return RunEvalReport(options->out, watcher->token(), std::cout);
+      if (options->experiments == std::vector<std::string>{"report"})
+        return RunEvalReport(options->out, watcher->token(), std::cout);
       return RunEval(*options, watcher->token(), std::cout);
     };
   });

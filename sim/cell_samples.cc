@@ -38,7 +38,8 @@ void CellSamples::Place(int x, int y) {
   size_t next = kNumCenters;
   for (int line = 0; line < kLine; ++line) {
     for (int column = 0; column < kLine; ++column, ++next) {
-      const Eigen::Vector2f ray = table_.Corner(std::min(x + column, table_.width()), std::min(y + line, table_.height()));
+      const Eigen::Vector2f ray =
+          table_.Corner(std::min(x + column, table_.width()), std::min(y + line, table_.height()));
       x_[next] = ray.x();
       y_[next] = ray.y();
     }

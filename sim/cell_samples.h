@@ -36,7 +36,8 @@ class CellSurfaces {
 };
 
 /// What the samples of one cell see: the centres of its pixels, and the corners that these share. Rays are cast through
-/// the centres; the surfaces they meet tell by their planes and borders what the corners see, which only serve to blend.
+/// the centres; the surfaces they meet tell by their planes and borders what the corners see, which only serve to
+/// blend.
 class CellSamples {
  public:
   static constexpr int kSize = CellGrid::kCell_px;

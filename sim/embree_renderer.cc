@@ -99,9 +99,9 @@ class Drawing {
       constexpr int kCellsShared = 4;
       plain.view = view;
       plain.until_x = cell.x0 + kCellsShared * kCell_px;
-      plain.patch = SurfacePatch(caster_.views()[static_cast<size_t>(view)],
-                                 rays_.Center((cell.x0 + cell.x1) / 2, (cell.y0 + cell.y1) / 2), RayPerX(cell),
-                                 RayPerY(cell));
+      plain.patch =
+          SurfacePatch(caster_.views()[static_cast<size_t>(view)],
+                       rays_.Center((cell.x0 + cell.x1) / 2, (cell.y0 + cell.y1) / 2), RayPerX(cell), RayPerY(cell));
     }
     for (int y = cell.y0; y < cell.y1; ++y) {
       const SurfacePatch::Look look = plain.patch.LookAt(rays_.CenterRow(cell.x0, y));

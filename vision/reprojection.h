@@ -14,8 +14,8 @@ inline constexpr double kMinDepth_m = 0.01;
 inline constexpr double kChi2Mono = 5.991;
 inline constexpr double kChi2Depth = 7.815;
 
-/// Cost of an observation behind its camera, in units of its chi-square bound: high enough that no step gains by turning
-/// points away, bounded so that a single false match cannot veto a step, constant so that it pulls nowhere.
+/// Cost of an observation behind its camera, in units of its chi-square bound: high enough that no step gains by
+/// turning points away, bounded so that a single false match cannot veto a step, constant so that it pulls nowhere.
 inline constexpr double kBehindCameraPenalty = 10.0;
 
 /// One measurement of a point: where, how exactly, and perhaps how far.

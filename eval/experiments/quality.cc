@@ -90,8 +90,8 @@ StatusOr<ExperimentResult> RunTrajectoryError(EvalContext& context) {
     all_spec.reconstruct = sketch_spec.reconstruct = IsReconstructed(world);
     MAPP_ASSIGN_OR_RETURN(const auto all, context.lab.Run(all_spec));
     MAPP_ASSIGN_OR_RETURN(const auto sketch, context.lab.Run(sketch_spec));
-    table.rows.push_back({setting, Cell(Mean(JointErrors(*all))), Cell(Mean(JointErrors(*sketch))),
-                          NumAligned(*all), NumAligned(*sketch), static_cast<double>(world.num_users)});
+    table.rows.push_back({setting, Cell(Mean(JointErrors(*all))), Cell(Mean(JointErrors(*sketch))), NumAligned(*all),
+                          NumAligned(*sketch), static_cast<double>(world.num_users)});
     result.setup += Describe(FleetOf(world, level, "depth_sketch")) + " ";
   }
   result.tables.push_back(std::move(table));

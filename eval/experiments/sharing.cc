@@ -75,8 +75,8 @@ ResultTable SharingTable(const std::string& id, const std::string& title) {
   return table;
 }
 
-Status AddSharingRows(EvalContext& context, const std::vector<std::string>& settings, const std::vector<std::string>& policies,
-               ResultTable& table, std::string& setup) {
+Status AddSharingRows(EvalContext& context, const std::vector<std::string>& settings,
+                      const std::vector<std::string>& policies, ResultTable& table, std::string& setup) {
   for (const std::string& setting : settings) {
     for (const std::string& policy : policies) {
       const FleetSpec spec = SharingFleet(context, setting, policy);
@@ -94,8 +94,8 @@ Status AddSharingRows(EvalContext& context, const std::vector<std::string>& sett
 StatusOr<ExperimentResult> RunSharing(EvalContext& context) {
   ExperimentResult result;
   ResultTable table = SharingTable("sharing", "Devices where the map is known, with and without sharing");
-  const std::vector<std::string> settings =
-      context.Chosen(context.quick() ? std::vector<std::string>{"garage"} : std::vector<std::string>{"garage", "plaza"});
+  const std::vector<std::string> settings = context.Chosen(
+      context.quick() ? std::vector<std::string>{"garage"} : std::vector<std::string>{"garage", "plaza"});
   MAPP_RETURN_IF_ERROR(AddSharingRows(context, settings, {"no_sharing", "depth_sketch"}, table, result.setup));
   result.tables.push_back(std::move(table));
   result.paper =

@@ -104,8 +104,7 @@ std::vector<ExpectedPoint> Expect(const QueryKeyframe& query, std::span<const Po
     const Eigen::Vector3d ray_map = point.position - T_map_camera.translation();
     if (ray_map.dot(point.view_direction.cast<double>()) < kAlikeCosine * ray_map.norm()) continue;
     const Eigen::Vector3d p_camera = T_camera_map * point.position;
-    expected.push_back(
-        {{candidate.projected.u_px, candidate.projected.v_px}, static_cast<float>(p_camera.z())});
+    expected.push_back({{candidate.projected.u_px, candidate.projected.v_px}, static_cast<float>(p_camera.z())});
   }
   return expected;
 }

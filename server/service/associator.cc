@@ -11,7 +11,6 @@
 namespace mapp {
 namespace {
 
-
 /// A map point in front of the camera.
 struct FusionCandidate {
   MapPointId id;

@@ -11,7 +11,6 @@
 namespace mapp::tracker {
 namespace {
 
-
 /// A bundle problem and which keyframes and points of the map it was copied from.
 struct Window {
   BundleProblem problem;

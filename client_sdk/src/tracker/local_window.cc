@@ -9,8 +9,8 @@ namespace {
 
 /// Keyframes gathered at most, so that a frame costs the same however dense the map is.
 constexpr size_t kMaxKeyframes = 24;
-constexpr size_t kMaxSharing = 12;    ///< of them those that share points with the frame
-constexpr size_t kMaxNeighbors = 3;   ///< taken along per sharing keyframe
+constexpr size_t kMaxSharing = 12;   ///< of them those that share points with the frame
+constexpr size_t kMaxNeighbors = 3;  ///< taken along per sharing keyframe
 
 /// Keyframes by the number of the frame's points that they observe, most first.
 std::vector<std::pair<int, int>> VoteForKeyframes(const SessionMap& map, std::span<const int> frame_points) {
