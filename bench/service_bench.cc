@@ -187,8 +187,10 @@ int Run(const std::string& sequence_name) {
                                               }),
                     "share");
       });
-      share_rpc.Measure(
-          [&] { ValueOrExit(client->RequestSharedMap(opened.session, keyframe.number, view, 1.3, 1.0, {}), "share"); });
+      ClientSharedMapRequest wanted;
+      wanted.keyframe = keyframe.number;
+      wanted.view = view;
+      share_rpc.Measure([&] { ValueOrExit(client->RequestSharedMap(opened.session, wanted), "share"); });
     }
   }
   assess.Print("AssessOverlap, 1000 samples (in the server)");

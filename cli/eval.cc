@@ -74,6 +74,7 @@ class FeaturePlayer {
     options.json_file = run.json_file;
     options.trajectory_file = run.trajectory_file;
     options.truth_file = run.truth_file;
+    options.patience = run.patience;
     if (!run.first_truth_file.empty()) options.align_by = AlignBy{run.first_truth_file, run.first_trajectory_file};
     const auto source = MakeFeatureSource(options.sequence, WorldOf(run.simulation), visit,
                                           static_cast<uint64_t>(visit.poses.front().stamp_ns));

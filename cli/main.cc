@@ -20,6 +20,8 @@
 #include <fmt/ranges.h>
 
 #include <array>
+#include <chrono>
+#include <cmath>
 #include <functional>
 #include <iostream>
 #include <memory>
@@ -110,6 +112,13 @@ void AddPolicies(CLI::App& command, ParticipantOptions& options) {
             "random, as many at random; none");
   AddChoice(command, "--sharing", options.sharing, kSwitchChoices,
             "off: where the map is known, neither take it nor upload, and go on mapping for oneself");
+  command
+      .add_option("--min-seen-by-others", options.min_seen_by_others,
+                  "Share of the map points in view that other sessions must have seen for a shared map to be taken, 0 "
+                  "to 1; where fewer, the device's own map is the better one")
+      ->check(CLI::Range(0.0, 1.0))
+      ->type_name("SHARE")
+      ->capture_default_str();
   command.add_option("--alpha", options.oversharing, "Oversharing: width of the shared view over the camera's, 1 to 4")
       ->check(CLI::Range(1.0, 4.0))
       ->type_name("FACTOR")
@@ -139,12 +148,20 @@ void AddReplay(CLI::App& app, Command& chosen) {
   command->add_option("--frames-out", options->frames_file, "CSV of the frames in the map, for mapp render --frames")
       ->type_name("FILE");
   command->add_option("--json", options->json_file, "The report as JSON; - for standard output")->type_name("FILE");
+  auto patience_s = std::make_shared<double>(std::chrono::duration<double>(options->patience).count());
+  command
+      ->add_option("--patience", *patience_s,
+                   "How long one frame's consequences may take, and the map's optimisation at the end")
+      ->check(CLI::Range(1.0, 86'400.0))
+      ->type_name("SECONDS")
+      ->capture_default_str();
   command->add_option("sequence", options->sequence, "What to play")
       ->required()
       ->type_name("SEQUENCE")
       ->check(CLI::Validator(CheckSequence, ""));
-  command->callback([options, align_by, &chosen] {
+  command->callback([options, align_by, patience_s, &chosen] {
     if (!align_by->empty()) options->align_by = AlignBy{align_by->at(0), align_by->at(1)};
+    options->patience = std::chrono::milliseconds(std::llround(1e3 * *patience_s));
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
       return RunReplay(*options, watcher->token(), std::cout);

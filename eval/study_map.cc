@@ -14,7 +14,7 @@ namespace {
 
 /// The frames that make the map, and what each point was seen by.
 struct Observers {
-  std::unordered_map<FrameId, TileFrame> frames;
+  std::unordered_map<FrameId, ObserverFrame> frames;
   std::unordered_map<MapPointId, std::vector<FrameId>> of_point;
 };
 
@@ -28,7 +28,7 @@ StatusOr<Observers> ReadObservers(MapReader& reader, MapId map, const std::set<S
       MAPP_ASSIGN_OR_RETURN(const CameraRecord camera, reader.GetCamera(frame.camera));
       fields_of_view[frame.camera] = static_cast<float>(camera.camera.FieldOfView());
     }
-    observers.frames[frame.id] = {frame.id, frame.T_frame_camera, fields_of_view[frame.camera]};
+    observers.frames[frame.id] = {{frame.id, frame.T_frame_camera, fields_of_view[frame.camera]}, frame.session};
     MAPP_ASSIGN_OR_RETURN(const std::vector<Observation> observations, reader.GetObservations(frame.id));
     for (const Observation& observation : observations) observers.of_point[observation.point].push_back(frame.id);
   }

@@ -44,7 +44,8 @@ grpc::ChannelArguments ChannelArguments() {
   arguments.SetMaxReceiveMessageSize(kMaxMessageBytes);
   // The retries here decide when to try again; the channel's own pauses must not outlast them.
   arguments.SetInt(GRPC_ARG_INITIAL_RECONNECT_BACKOFF_MS, 50);
-  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 1000);
+  // In spite of its name, how long an attempt to connect may take: some networks and busy servers need seconds.
+  arguments.SetInt(GRPC_ARG_MIN_RECONNECT_BACKOFF_MS, 10'000);
   arguments.SetInt(GRPC_ARG_MAX_RECONNECT_BACKOFF_MS, 1000);
   // Tells a watcher within a minute that its server has vanished without a word.
   arguments.SetInt(GRPC_ARG_KEEPALIVE_TIME_MS, 30'000);
@@ -205,17 +206,16 @@ StatusOr<ClientUpload> MapClient::UploadKeyframe(const std::string& packet) {
   return upload;
 }
 
-StatusOr<ClientSharedMap> MapClient::RequestSharedMap(SessionId session, uint32_t keyframe, const ViewQuery& view,
-                                                      double oversharing, double overlap,
-                                                      const std::vector<ClientHeldTile>& held_tiles,
+StatusOr<ClientSharedMap> MapClient::RequestSharedMap(SessionId session, const ClientSharedMapRequest& wanted,
                                                       Patience patience) {
   v1::RequestSharedMapRequest request;
   request.set_session_id(ToWire(session));
-  request.set_keyframe(keyframe);
-  request.set_view(EncodeViewQuery(view));
-  request.set_oversharing(static_cast<float>(oversharing));
-  request.set_overlap(static_cast<float>(overlap));
-  for (const ClientHeldTile& held : held_tiles) {
+  request.set_keyframe(wanted.keyframe);
+  request.set_view(EncodeViewQuery(wanted.view));
+  request.set_oversharing(static_cast<float>(wanted.oversharing));
+  request.set_overlap(static_cast<float>(wanted.overlap));
+  request.set_min_seen_by_others(static_cast<float>(wanted.min_seen_by_others));
+  for (const ClientHeldTile& held : wanted.held_tiles) {
     v1::HeldTile& tile = *request.add_held_tiles();
     tile.set_key(held.key.Packed());
     tile.set_revision(held.revision.value());
@@ -234,6 +234,7 @@ StatusOr<ClientSharedMap> MapClient::RequestSharedMap(SessionId session, uint32_
       if (response.has_summary()) {
         map.num_tiles_unchanged = response.summary().num_tiles_unchanged();
         map.map_revision = response.summary().map_revision();
+        map.is_own_map = response.summary().is_own_map();
         continue;
       }
       StatusOr<Tile> tile = DecodeTile(response.tile());

@@ -151,10 +151,15 @@ StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patien
                         .sampler = SamplerKind::kUniform,
                         .sketch = {}};
   const Stopwatch stopwatch;
-  MAPP_ASSIGN_OR_RETURN(ClientSharedMap received,
-                        client_.RequestSharedMap(session_.id, view.number, query, options_.oversharing, overlap,
-                                                 tiles_.Held(), patience));
+  const ClientSharedMapRequest request{.keyframe = view.number,
+                                       .view = query,
+                                       .oversharing = options_.oversharing,
+                                       .overlap = overlap,
+                                       .min_seen_by_others = options_.min_seen_by_others,
+                                       .held_tiles = tiles_.Held()};
+  MAPP_ASSIGN_OR_RETURN(ClientSharedMap received, client_.RequestSharedMap(session_.id, request, patience));
   progress_.RecordLatency(Step::kSharedMap, stopwatch.Elapsed());
+  if (received.is_own_map) return false;
   tiles_.Put(std::move(received.tiles));
   const Pose3 T_map_camera =
       view.pose_frame == PoseFrame::kMap ? view.T_frame_camera : *T_map_session * view.T_frame_camera;

@@ -28,6 +28,7 @@ Status ParticipantOptions::Validate() const {
   if (device.empty()) return absl::InvalidArgumentError("device: must be set");
   MAPP_RETURN_IF_ERROR(CheckRange(num_samples, 1, 1000, "num_samples"));
   MAPP_RETURN_IF_ERROR(CheckRange(seen_overlap, std::nextafter(0.0, 1.0), 1, "seen_overlap"));
+  MAPP_RETURN_IF_ERROR(CheckRange(min_seen_by_others, 0, 1, "min_seen_by_others"));
   MAPP_RETURN_IF_ERROR(CheckRange(oversharing, 1, 4, "oversharing"));
   MAPP_RETURN_IF_ERROR(CheckRange(max_shared_map_tries, 0, 100, "max_shared_map_tries"));
   if (max_queued_keyframes == 0) return absl::InvalidArgumentError("max_queued_keyframes: must be at least 1");

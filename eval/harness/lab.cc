@@ -82,10 +82,22 @@ struct Lab::Impl {
     if (stage.spec.level == Level::kFeatures) return PlayFeatures(stage, device);
     const RunFiles files = FilesOf(stage, device);
     ChildOptions child;
-    child.command = {programs().mapp, "replay",     "--server",         stage.server->address(),
-                     "--map",         kEvalMapName, "--device",         fmt::format("device_{}", device),
-                     "--json",        files.json,   "--trajectory-out", files.trajectory,
-                     "--truth-out",   files.truth};
+    child.command = {programs().mapp,
+                     "replay",
+                     "--server",
+                     stage.server->address(),
+                     "--map",
+                     kEvalMapName,
+                     "--device",
+                     fmt::format("device_{}", device),
+                     "--json",
+                     files.json,
+                     "--trajectory-out",
+                     files.trajectory,
+                     "--truth-out",
+                     files.truth,
+                     "--patience",
+                     fmt::format("{}", lab.options_.session_timeout / std::chrono::seconds(1))};
     const auto policy = ReplayArguments(PolicyNamed(stage.spec.devices[device].policy).participation);
     child.command.insert(child.command.end(), policy.begin(), policy.end());
     if (IsJudgedByFirst(stage, device)) {
@@ -108,6 +120,7 @@ struct Lab::Impl {
     run.participation = PolicyNamed(stage.spec.devices[device].policy).participation;
     run.simulation = stage.simulation;
     run.visit = stage.spec.devices[device].visit;
+    run.patience = lab.options_.session_timeout;
     run.json_file = files.json;
     run.trajectory_file = files.trajectory;
     run.truth_file = files.truth;

@@ -31,8 +31,9 @@ struct FeatureRun {
   std::string json_file;
   std::string trajectory_file;
   std::string truth_file;
-  std::string first_truth_file;       ///< of the map's first session, to judge by; empty: none
-  std::string first_trajectory_file;  ///< likewise
+  std::string first_truth_file;          ///< of the map's first session, to judge by; empty: none
+  std::string first_trajectory_file;     ///< likewise
+  std::chrono::milliseconds patience{};  ///< as mapp replay's
 };
 
 struct LabOptions {

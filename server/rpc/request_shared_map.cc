@@ -34,6 +34,7 @@ StatusOr<SharedMapInput> Decode(const v1::RequestSharedMapRequest& request) {
   MAPP_RETURN_IF_ERROR(ValidateRange(request.overlap(), 0, 1, "overlap"));
   MAPP_ASSIGN_OR_RETURN(input.held_tiles, DecodeHeldTiles(request));
   input.max_bytes = request.max_bytes();
+  input.min_seen_by_others = request.min_seen_by_others();
   return input;
 }
 
@@ -63,6 +64,7 @@ grpc::Status MapServiceHandler::RequestSharedMap(grpc::ServerContext* context,
     summary.set_num_tiles_sent(result.num_tiles_sent);
     summary.set_num_tiles_unchanged(result.num_tiles_unchanged);
     summary.set_num_tiles_over_budget(result.num_tiles_over_budget);
+    summary.set_is_own_map(result.is_own_map);
     return Send(message, *writer, call);
   });
 }

@@ -186,7 +186,8 @@ class KeyframeWriter {
   }
 
   std::vector<TileChange> TakeChanges() {
-    const TileFrame frame{frame_, input_.T_frame_camera, static_cast<float>(input_.camera.FieldOfView())};
+    const ObserverFrame frame{{frame_, input_.T_frame_camera, static_cast<float>(input_.camera.FieldOfView())},
+                              input_.session.id};
     std::vector<TileChange> changes;
     for (auto& [key, change] : changes_) {
       change.key = key;

@@ -9,7 +9,7 @@ namespace {
 /// A segment joins the one before it when that one is less than this many times its size.
 constexpr size_t kMergeRatio = 8;
 
-LoadedPoint Load(const PointRecord& record, const std::vector<TileFrame>& frames,
+LoadedPoint Load(const PointRecord& record, const std::vector<ObserverFrame>& frames,
                  const std::unordered_map<FrameId, uint32_t>& frame_index) {
   LoadedPoint point;
   point.id = record.id;
@@ -45,10 +45,10 @@ StatusOr<LoadedTile::Part> LoadedTile::BuildPart(std::vector<LoadedPoint> points
 }
 
 std::shared_ptr<const LoadedTile::Frames> LoadedTile::MergeFrames(std::shared_ptr<const Frames> present,
-                                                                  std::span<const TileFrame> added) {
+                                                                  std::span<const ObserverFrame> added) {
   if (present != nullptr && added.empty()) return present;
   auto merged = present == nullptr ? std::make_shared<Frames>() : std::make_shared<Frames>(*present);
-  for (const TileFrame& frame : added) {
+  for (const ObserverFrame& frame : added) {
     const auto [entry, is_new] = merged->index.try_emplace(frame.id, static_cast<uint32_t>(merged->list.size()));
     if (is_new) {
       merged->list.push_back(frame);
@@ -110,7 +110,7 @@ StatusOr<std::shared_ptr<const LoadedTile>> LoadedTile::Assemble(const TileKey& 
   tile->key_ = key;
   tile->revision_ = revision;
   tile->frames_ = std::move(frames);
-  tile->bytes_ = sizeof(LoadedTile) + tile->frames_->list.size() * (sizeof(TileFrame) + 48);
+  tile->bytes_ = sizeof(LoadedTile) + tile->frames_->list.size() * (sizeof(ObserverFrame) + 48);
   for (const Part& part : parts) {
     tile->num_points_ += part.num_live();
     tile->bytes_ += part.segment->points.size() * sizeof(LoadedPoint) + part.segment->tree.bytes();
@@ -121,7 +121,7 @@ StatusOr<std::shared_ptr<const LoadedTile>> LoadedTile::Assemble(const TileKey& 
 
 StatusOr<std::shared_ptr<const LoadedTile>> LoadedTile::Create(const TileKey& key, Revision revision,
                                                                std::span<const PointRecord> points,
-                                                               std::span<const TileFrame> frames) {
+                                                               std::span<const ObserverFrame> frames) {
   if (points.empty()) return std::shared_ptr<const LoadedTile>();
   std::shared_ptr<const Frames> loaded_frames = MergeFrames(nullptr, frames);
   std::vector<LoadedPoint> loaded;

@@ -41,7 +41,7 @@ class LoadedTile {
   /// Null when `points` is empty. Observers that `frames` does not hold are left out.
   static StatusOr<std::shared_ptr<const LoadedTile>> Create(const TileKey& key, Revision revision,
                                                             std::span<const PointRecord> points,
-                                                            std::span<const TileFrame> frames);
+                                                            std::span<const ObserverFrame> frames);
   /// This tile after `change`; null when no point is left.
   StatusOr<std::shared_ptr<const LoadedTile>> With(const TileChange& change, Revision revision) const;
 
@@ -49,7 +49,7 @@ class LoadedTile {
   /// The map's revision when the tile was loaded or last changed.
   Revision revision() const { return revision_; }
   /// Frames that saw points of the tile; indices stay the same from version to version.
-  const std::vector<TileFrame>& frames() const { return frames_->list; }
+  const std::vector<ObserverFrame>& frames() const { return frames_->list; }
   size_t num_points() const { return num_points_; }
   size_t num_segments() const { return parts_.size(); }
   /// Memory it holds, approximately.
@@ -89,7 +89,7 @@ class LoadedTile {
 
  private:
   struct Frames {
-    std::vector<TileFrame> list;
+    std::vector<ObserverFrame> list;
     std::unordered_map<FrameId, uint32_t> index;
   };
   struct Segment {
@@ -108,7 +108,7 @@ class LoadedTile {
 
   static StatusOr<Part> BuildPart(std::vector<LoadedPoint> points);
   static std::shared_ptr<const Frames> MergeFrames(std::shared_ptr<const Frames> present,
-                                                   std::span<const TileFrame> added);
+                                                   std::span<const ObserverFrame> added);
   static void Hide(std::vector<Part>& parts, std::span<const MapPointId> sorted_ids);
   static Status Compact(std::vector<Part>& parts);
   static StatusOr<std::shared_ptr<const LoadedTile>> Assemble(const TileKey& key, Revision revision,

@@ -169,9 +169,17 @@ StatusOr<SharedMapResult> MapService::RequestSharedMap(const CallContext& contex
     return absl::InvalidArgumentError(
         fmt::format("oversharing: must be in [1, {}], got {}", kMaxOversharing, input.oversharing));
   }
+  if (!(input.min_seen_by_others >= 0 && input.min_seen_by_others <= 1)) {
+    return absl::InvalidArgumentError(
+        fmt::format("min_seen_by_others: must be in [0, 1], got {}", input.min_seen_by_others));
+  }
   MAPP_ASSIGN_OR_RETURN(const SessionView open, LoadOpenSession(impl_->store, input.session));
   MAPP_ASSIGN_OR_RETURN(const MapView view,
                         ViewInMap(open, input.view.pose_frame, input.view.T_frame_camera, "view.pose"));
+  if (input.min_seen_by_others > 0) {
+    MAPP_ASSIGN_OR_RETURN(const double share, ShareSeenByOthers(impl_->tiles, view.map, view.Cone(), input.session));
+    if (share < input.min_seen_by_others) return SharedMapResult{.map_revision = open.map.revision, .is_own_map = true};
+  }
   return impl_->shared_map.Send(context, view, input.oversharing, input.held_tiles, input.max_bytes, send);
 }
 

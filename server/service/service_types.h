@@ -42,9 +42,12 @@ struct SharedMapInput {
   double oversharing = 1.3;  ///< alpha
   std::vector<HeldTile> held_tiles;
   uint64_t max_bytes = 0;  ///< 0 = no budget
+  /// Nothing is sent where fewer of the points in the cone than this share were seen by other sessions; [0, 1].
+  double min_seen_by_others = 0;
 };
 struct SharedMapResult {
   Revision map_revision;
+  bool is_own_map = false;  ///< nothing was sent because of min_seen_by_others
   uint32_t num_tiles_sent = 0;
   uint32_t num_tiles_unchanged = 0;
   uint32_t num_tiles_over_budget = 0;

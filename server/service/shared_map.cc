@@ -1,6 +1,7 @@
 #include "server/service/shared_map.h"
 
 #include "mapp/codec/tile_codec.h"
+#include "server/service/loaded_tile.h"
 #include "server/service/serial_worker.h"
 #include "server/service/tile_reader.h"
 #include "storage/map_store.h"
@@ -72,7 +73,27 @@ StatusOr<MapTiles> ListTiles(MapStore& store, MapId map, const Aabb& box_map) {
   return tiles;
 }
 
+bool IsSeenByOthers(const LoadedTile& tile, const LoadedPoint& point, SessionId session) {
+  for (uint32_t i = 0; i < point.num_observers; ++i) {
+    if (tile.frames()[point.observer_frames[i]].session != session) return true;
+  }
+  return false;
+}
+
 }  // namespace
+
+StatusOr<double> ShareSeenByOthers(TileCache& tiles, MapId map, const ViewCone& cone, SessionId session) {
+  MAPP_ASSIGN_OR_RETURN(const auto in_reach, tiles.TilesInBox(map, cone.BoundingBox()));
+  size_t num_points = 0, num_by_others = 0;
+  for (const auto& tile : in_reach) {
+    tile->ForEachPosition([&](const Eigen::Vector3f& p_map, const LoadedPoint& point) {
+      if (!cone.Contains(p_map.cast<double>())) return;
+      ++num_points;
+      num_by_others += IsSeenByOthers(*tile, point, session) ? 1 : 0;
+    });
+  }
+  return num_points == 0 ? 0.0 : static_cast<double>(num_by_others) / static_cast<double>(num_points);
+}
 
 struct SharedMapSender::Impl {
   explicit Impl(MapStore& map_store)

@@ -14,6 +14,10 @@ namespace mapp {
 
 class MapStore;
 
+/// Share of the map points in the cone that some session but this one has observed, as far as points remember their
+/// observers. 0 where there are none.
+StatusOr<double> ShareSeenByOthers(TileCache& tiles, MapId map, const ViewCone& cone, SessionId session);
+
 /// Sends devices the map around a view (DESIGN 9). Tiles go out as they are stored; one that has changed since it was
 /// last stored in its encoded form is encoded, and stored for the next request in a thread of its own. Thread-safe.
 class SharedMapSender {

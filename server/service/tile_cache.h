@@ -1,13 +1,14 @@
 #pragma once
 
-#include <memory>
-#include <span>
-#include <vector>
-
 #include "mapp/base/status.h"
 #include "mapp/map/tile.h"
 #include "mapp/view/view_cone.h"
+#include "server/service/tile_reader.h"
 #include "storage/records.h"
+
+#include <memory>
+#include <span>
+#include <vector>
 
 namespace mapp {
 
@@ -20,7 +21,7 @@ struct TileChange {
   TileKey key;
   std::vector<PointRecord> upserted;  ///< new or changed points of this tile
   std::vector<MapPointId> removed;    ///< points that left it
-  std::vector<TileFrame> frames;      ///< observers of `upserted` points that the tile may not know yet
+  std::vector<ObserverFrame> frames;  ///< observers of `upserted` points that the tile may not know yet
 };
 
 /// Tiles of all maps in memory, least recently used dropped beyond the byte limit; loaded from the store on demand.

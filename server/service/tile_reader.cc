@@ -11,9 +11,9 @@
 namespace mapp {
 namespace {
 
-StatusOr<std::vector<TileFrame>> ReadFrames(MapReader& reader, const std::set<FrameId>& ids) {
+StatusOr<std::vector<ObserverFrame>> ReadFrames(MapReader& reader, const std::set<FrameId>& ids) {
   std::unordered_map<CameraId, float> fields_of_view;
-  std::vector<TileFrame> frames;
+  std::vector<ObserverFrame> frames;
   frames.reserve(ids.size());
   for (const FrameId id : ids) {
     MAPP_ASSIGN_OR_RETURN(const FrameRecord frame, reader.GetFrame(id));
@@ -21,7 +21,7 @@ StatusOr<std::vector<TileFrame>> ReadFrames(MapReader& reader, const std::set<Fr
       MAPP_ASSIGN_OR_RETURN(const CameraRecord camera, reader.GetCamera(frame.camera));
       fields_of_view[frame.camera] = static_cast<float>(camera.camera.FieldOfView());
     }
-    frames.push_back({id, frame.T_frame_camera, fields_of_view[frame.camera]});
+    frames.push_back({{id, frame.T_frame_camera, fields_of_view[frame.camera]}, frame.session});
   }
   return frames;
 }
@@ -63,7 +63,7 @@ Tile MakeTile(const TileKey& key, double edge_m, Revision revision, const TileCo
   tile.revision = revision;
   constexpr size_t kMaxFrames = size_t{std::numeric_limits<uint16_t>::max()} + 1;
   std::unordered_map<FrameId, uint16_t> frame_index;
-  for (const TileFrame& frame : content.frames) {
+  for (const ObserverFrame& frame : content.frames) {
     if (tile.frames.size() == kMaxFrames) break;
     frame_index.emplace(frame.id, static_cast<uint16_t>(tile.frames.size()));
     tile.frames.push_back(frame);

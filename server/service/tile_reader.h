@@ -1,20 +1,25 @@
 #pragma once
 
-#include <span>
-#include <vector>
-
 #include "mapp/base/status.h"
 #include "mapp/map/tile.h"
 #include "storage/records.h"
+
+#include <span>
+#include <vector>
 
 namespace mapp {
 
 class MapReader;
 
+/// A frame that saw points of a tile, and whose it is: devices need not know the latter.
+struct ObserverFrame : TileFrame {
+  SessionId session;
+};
+
 /// A tile's points and the frames that observe them, as one snapshot has them.
 struct TileContent {
   std::vector<PointRecord> points;
-  std::vector<TileFrame> frames;  ///< every observer of `points`
+  std::vector<ObserverFrame> frames;  ///< every observer of `points`
 };
 
 StatusOr<TileContent> ReadTile(MapReader& reader, MapId map, const TileKey& key);

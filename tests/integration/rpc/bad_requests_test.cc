@@ -227,6 +227,9 @@ TEST_F(BadRequestTest, BadSharedMapRequests) {
   bad.set_overlap(-0.5F);
   ExpectRefused(RequestSharedMap(bad), "overlap");
   bad = good;
+  bad.set_min_seen_by_others(1.5F);
+  ExpectRefused(RequestSharedMap(bad), "min_seen_by_others");
+  bad = good;
   bad.add_held_tiles()->set_key(TileKey{}.Packed());
   bad.add_held_tiles()->set_key(~uint64_t{0});
   ExpectRefused(RequestSharedMap(bad), "held_tiles[1].key");

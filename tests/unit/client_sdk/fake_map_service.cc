@@ -141,11 +141,13 @@ grpc::Status FakeMapService::UploadPartialKeyframe(grpc::ServerContext*,
 grpc::Status FakeMapService::RequestSharedMap(grpc::ServerContext*, const v1::RequestSharedMapRequest* request,
                                               grpc::ServerWriter<v1::RequestSharedMapResponse>* writer) {
   std::vector<Tile> tiles;
+  bool is_own_map = false;
   {
     MutexLock lock(mutex_);
     shared_map_requests_.push_back(*request);
     if (const grpc::Status status = Next(script_.shared_map_errors); !status.ok()) return status;
-    tiles = script_.tiles;
+    if (!script_.is_own_map) tiles = script_.tiles;
+    is_own_map = script_.is_own_map;
   }
   v1::RequestSharedMapResponse message;
   uint32_t num_unchanged = 0;
@@ -162,6 +164,7 @@ grpc::Status FakeMapService::RequestSharedMap(grpc::ServerContext*, const v1::Re
   }
   message.Clear();
   message.mutable_summary()->set_num_tiles_unchanged(num_unchanged);
+  message.mutable_summary()->set_is_own_map(is_own_map);
   writer->Write(message);
   return grpc::Status::OK;
 }

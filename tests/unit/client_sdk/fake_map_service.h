@@ -24,6 +24,7 @@ class FakeMapService final : public v1::MapService::Service {
     std::optional<Pose3> T_map_session;
     /// Every sample's state in answers to queries, and whether every bin is occupied.
     bool samples_redundant = false;
+    bool is_own_map = false;  ///< then no tile is sent
     std::vector<Tile> tiles;
     v1::UpdateVerdict verdict = v1::UPDATE_VERDICT_NONE;
     bool optimization_pending = false;

@@ -55,7 +55,7 @@ TEST_F(MapClientTest, WhatIsNotTransientIsNotRetried) {
 
 TEST_F(MapClientTest, OneAttemptIsOne) {
   server_.Change([](FakeMapService::Script& script) { script.shared_map_errors = {grpc::StatusCode::UNAVAILABLE}; });
-  const auto map = client_->RequestSharedMap(SessionId(7), 0, {}, 1.3, 0, {}, Patience::kOneAttempt);
+  const auto map = client_->RequestSharedMap(SessionId(7), {}, Patience::kOneAttempt);
   EXPECT_EQ(map.status().code(), absl::StatusCode::kUnavailable);
   EXPECT_EQ(client_->traffic().num_retries, 0U);
 }
@@ -71,7 +71,7 @@ TEST_F(MapClientTest, CountsTheBytesOfEveryAttempt) {
 
 TEST_F(MapClientTest, ASharedMapComesWhole) {
   server_.Change([](FakeMapService::Script& script) { script.tiles = {TestTile(Revision(4), 50)}; });
-  const auto map = client_->RequestSharedMap(SessionId(7), 0, {}, 1.3, 1, {});
+  const auto map = client_->RequestSharedMap(SessionId(7), {});
   ASSERT_TRUE(map.ok()) << map.status();
   ASSERT_THAT(map->tiles, SizeIs(1));
   EXPECT_EQ(map->tiles[0].revision, Revision(4));

@@ -44,6 +44,29 @@ TEST_F(ParticipantTest, WithoutSharingAKnownViewIsNeitherSentNorAskedFor) {
   EXPECT_EQ(participant_->stats().num_skipped, 2U);
 }
 
+TEST_F(ParticipantTest, WhereTheMapIsItsOwnItGoesOnMapping) {
+  OpenAligned();
+  server_.Change([](FakeMapService::Script& script) {
+    script.samples_redundant = true;
+    script.tiles = {TestTile(Revision(1))};
+    script.is_own_map = true;
+  });
+  HandIn(1);
+  ASSERT_THAT(server_.shared_map_requests(), SizeIs(1));
+  EXPECT_FLOAT_EQ(server_.shared_map_requests()[0].min_seen_by_others(), 0.5F);
+  EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
+  EXPECT_THAT(adapter_.maps(), SizeIs(0));
+}
+
+TEST_F(ParticipantTest, FailingNextToItsOwnMapMeansExpanding) {
+  OpenSharing();
+  server_.Change([](FakeMapService::Script& script) { script.is_own_map = true; });
+  Frame(1, false);
+  EXPECT_EQ(participant_->state(), ParticipantState::kExpanding);
+  EXPECT_EQ(adapter_.num_left(), 1);
+  EXPECT_THAT(adapter_.maps(), SizeIs(1)) << "the one it failed on, though it still holds the tiles";
+}
+
 TEST_F(ParticipantTest, OccupancyIsAskedAndCountedLikeTheSamplers) {
   options_.sampler = SamplerKind::kOccupancy;
   OpenAligned();

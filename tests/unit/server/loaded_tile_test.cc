@@ -22,8 +22,9 @@ PointRecord RandomPoint(uint64_t id, FrameId observer, Rng& rng) {
   return point;
 }
 
-TileFrame FrameAt(uint64_t id) {
-  return {FrameId(id), Pose3(Eigen::Quaterniond::Identity(), Eigen::Vector3d(4, 4, -static_cast<double>(id))), 1.0F};
+ObserverFrame FrameAt(uint64_t id) {
+  const Pose3 T_map_camera(Eigen::Quaterniond::Identity(), Eigen::Vector3d(4, 4, -static_cast<double>(id)));
+  return {{FrameId(id), T_map_camera, 1.0F}, SessionId(1)};
 }
 
 /// Applies random changes to a loaded tile and to a plain list of points.
@@ -81,7 +82,7 @@ class ChangingTile {
   uint64_t last_id_ = 0;
   std::map<uint64_t, PointRecord> points_;
   std::set<std::pair<uint64_t, uint64_t>> touched_;
-  std::vector<TileFrame> frames_;
+  std::vector<ObserverFrame> frames_;
   std::shared_ptr<const LoadedTile> tile_;
 };
 
@@ -117,7 +118,7 @@ TEST(LoadedTileTest, SearchesAllSegmentsAndNoHiddenPoint) {
 TEST(LoadedTileTest, RemovingEveryPointLeavesNoTile) {
   Rng rng(3);
   const std::vector<PointRecord> points = {RandomPoint(1, FrameId(1), rng), RandomPoint(2, FrameId(1), rng)};
-  const std::vector<TileFrame> frames = {FrameAt(1)};
+  const std::vector<ObserverFrame> frames = {FrameAt(1)};
   const auto tile = LoadedTile::Create(kKey, Revision(1), points, frames);
   ASSERT_TRUE(tile.ok());
   TileChange change;
@@ -134,7 +135,7 @@ TEST(LoadedTileTest, ObserverDirectionsPointFromTheCameraToThePoint) {
   point.id = MapPointId(1);
   point.position = {4, 4, 2};
   point.observers = {FrameId(1), FrameId(9)};
-  const std::vector<TileFrame> frames = {FrameAt(1)};
+  const std::vector<ObserverFrame> frames = {FrameAt(1)};
   const auto tile = LoadedTile::Create(kKey, Revision(1), std::span(&point, 1), frames);
   ASSERT_TRUE(tile.ok());
   (*tile)->ForEachPoint([](const LoadedPoint& loaded) {

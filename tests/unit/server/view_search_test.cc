@@ -36,7 +36,8 @@ class ViewSearchTest : public ::testing::Test {
     const Pose3 alike(Eigen::Quaterniond::Identity(), Eigen::Vector3d(4, 4, -1));
     const Pose3 opposite(Eigen::Quaterniond(Eigen::AngleAxisd(3.14159, Eigen::Vector3d::UnitY())),
                          Eigen::Vector3d(4, 4, 12));
-    const std::vector<TileFrame> frames = {{FrameId(1), alike, 1.1F}, {FrameId(2), opposite, 1.1F}};
+    const std::vector<ObserverFrame> frames = {{{FrameId(1), alike, 1.1F}, SessionId(1)},
+                                               {{FrameId(2), opposite, 1.1F}, SessionId(1)}};
     Rng rng(2);
     for (uint64_t id = 1; id <= 4000; ++id) {
       PointRecord point;

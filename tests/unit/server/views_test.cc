@@ -197,6 +197,26 @@ TEST_F(SharedMapTest, BudgetEndsTheStream) {
   EXPECT_EQ(result.num_tiles_over_budget, all.size() - 1);
 }
 
+TEST_F(SharedMapTest, ADeviceIsNotSentWhatItAloneHasSeen) {
+  SharedMapInput request = Request(seen_);
+  request.min_seen_by_others = 0.5;
+  std::vector<Tile> tiles;
+  const SharedMapResult to_founder = MustReceive(request, &tiles);
+  EXPECT_TRUE(to_founder.is_own_map);
+  EXPECT_TRUE(tiles.empty());
+  EXPECT_GT(to_founder.map_revision.value(), 0U);
+
+  const SessionId other = Open();
+  Align(other);
+  request.session = other;
+  EXPECT_FALSE(MustReceive(request, &tiles).is_own_map);
+  EXPECT_FALSE(tiles.empty());
+  // What two have seen is another's map for either.
+  MustUpload(world_, seen_, other, 0);
+  request.session = session_;
+  EXPECT_FALSE(MustReceive(request, &tiles).is_own_map);
+}
+
 TEST_F(SharedMapTest, StopsWithTheReceiversError) {
   const StatusOr<SharedMapResult> result = service_->RequestSharedMap(
       context_, Request(seen_), [](const std::string&) { return absl::CancelledError("the caller is gone"); });

@@ -66,8 +66,18 @@ struct ClientHeldTile {
   TileKey key;
   Revision revision;
 };
+struct ClientSharedMapRequest {
+  uint32_t keyframe = 0;
+  ViewQuery view;
+  double oversharing = 1.3;  ///< alpha; range [1, 4]
+  double overlap = 0;        ///< that made the device ask; range [0, 1]
+  /// The answer is empty where others saw a smaller share of the points in view; range [0, 1].
+  double min_seen_by_others = 0;
+  std::vector<ClientHeldTile> held_tiles;
+};
 struct ClientSharedMap {
   std::vector<Tile> tiles;
+  bool is_own_map = false;  ///< empty because of min_seen_by_others
   uint32_t num_tiles_unchanged = 0;
   uint64_t map_revision = 0;
 };
@@ -117,9 +127,7 @@ class MapClient {
   StatusOr<OverlapAnswer> AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
                                         size_t num_samples);
   StatusOr<ClientUpload> UploadKeyframe(const std::string& packet);
-  StatusOr<ClientSharedMap> RequestSharedMap(SessionId session, uint32_t keyframe, const ViewQuery& view,
-                                             double oversharing, double overlap,
-                                             const std::vector<ClientHeldTile>& held_tiles,
+  StatusOr<ClientSharedMap> RequestSharedMap(SessionId session, const ClientSharedMapRequest& wanted,
                                              Patience patience = Patience::kRetry);
   StatusOr<ClientUpdateVerdict> ReportUpdate(SessionId session, const std::vector<std::string>& packets,
                                              Patience patience = Patience::kRetry);

@@ -35,6 +35,9 @@ struct ParticipantOptions {
   /// Off: where the map knows a view the device neither asks for it nor uploads, and goes on mapping for itself (the
   /// paper's "w/o sharing").
   bool sharing = true;
+  /// A shared map is taken where other sessions have seen at least this share of the points in view. Where fewer, the
+  /// device's own map is the better one: it holds more points than were sent, refined since. Range [0, 1].
+  double min_seen_by_others = 0.5;
   double oversharing = 1.3;      ///< alpha; range [1, 4]
   int max_shared_map_tries = 2;  ///< f of algorithm 1
   /// Keyframes waiting for the server; beyond it the oldest is dropped and counted.
