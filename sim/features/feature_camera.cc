@@ -1,15 +1,17 @@
 #include "sim/features/feature_camera.h"
 
+#include "sim/features/appearance.h"
 #include "sim/features/feature_selection.h"
 #include "sim/features/hash.h"
 #include "sim/features/observed_surface.h"
+#include "sim/features/outlines.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <bit>
 #include <cmath>
 #include <numbers>
+#include <unordered_set>
 #include <utility>
 
 namespace mapp::sim {
@@ -20,74 +22,9 @@ constexpr double kBorder_px = 19;
 /// A line of sight ends this much before its landmark, so that the landmark's own surface does not hide it.
 constexpr double kClearance_m = 0.003;
 /// Hash domains.
-enum : uint64_t { kViewNoise = 1, kImageNoise, kForeshortening0, kForeshortening1, kScale, kClutter };
+enum : uint64_t { kViewNoise = 1, kImageNoise, kClutter };
 
 constexpr float kTurn = 2.0F * std::numbers::pi_v<float>;
-
-/// Bits flip this many at a step, at places that the step's hash gives.
-constexpr int kBitsPerStep = 4;
-
-void FlipBits(uint64_t places, int num_bits, OrbDescriptor& descriptor) {
-  for (int i = 0; i < num_bits; ++i, places >>= 8) {
-    descriptor.words[(places >> 6) & 3U] ^= uint64_t{1} << (places & 63U);
-  }
-}
-
-/// Appearance changes with a parameter step by step, each step flipping bits of its own: two views differ by the steps
-/// between them.
-void FlipAlong(double steps, uint64_t appearance, uint64_t domain, OrbDescriptor& descriptor) {
-  const auto num_steps = static_cast<uint64_t>(std::lround(std::abs(steps)));
-  const uint64_t side = Hash(appearance, domain, steps < 0 ? 1 : 0);
-  for (uint64_t i = 0; i < num_steps; ++i) FlipBits(Hash(side, i), kBitsPerStep, descriptor);
-}
-
-/// Poisson-like number of mean `mean`, by the sum of a uniform's position: cheap, and never far off.
-int DrawCount(double mean, Rng& rng) { return static_cast<int>(std::lround(mean * (0.5 + rng.Uniform()))); }
-
-uint64_t AppearanceOf(const TextureCorner& corner) {
-  const std::array<uint64_t, 4>& words = corner.descriptor.words;
-  return words[0] ^ std::rotl(words[1], 17) ^ std::rotl(words[2], 31) ^ std::rotl(words[3], 47);
-}
-
-/// How a landmark looks in this image. A flat patch is squeezed along the direction of tilt by its cosine; which way
-/// round does not matter, hence twice the angle (Mikolajczyk et al. 2005: affine shape has two parameters besides scale
-/// and rotation).
-OrbDescriptor Describe(const FeatureCandidate& candidate, const FeatureView& view, const FeatureNoise& noise,
-                       Rng& rng) {
-  OrbDescriptor descriptor = candidate.corner->descriptor;
-  const uint64_t appearance = AppearanceOf(*candidate.corner);
-  const FeatureSurface& surface = *candidate.surface;
-  const Eigen::Vector3d to_eye_world = -(view.T_world_camera.rotation() * candidate.p_camera);
-  const double along_u = to_eye_world.dot(surface.edge_u_world) / surface.length_u_m;
-  const double along_v = to_eye_world.dot(surface.edge_v_world) / surface.length_v_m;
-  const double squared = along_u * along_u + along_v * along_v;
-  if (squared > 0) {
-    const double steps = -std::log(candidate.view_cosine) * noise.view_bits / kBitsPerStep;
-    const double cos2 = (along_u * along_u - along_v * along_v) / squared;
-    const double sin2 = 2 * along_u * along_v / squared;
-    FlipAlong(steps * cos2, appearance, kForeshortening0, descriptor);
-    FlipAlong(steps * sin2, appearance, kForeshortening1, descriptor);
-  }
-  FlipAlong(candidate.scale_misfit * noise.scale_bits / kBitsPerStep, appearance, kScale, descriptor);
-  // Some corners are described alike in every image, others by comparisons of nearly equal grays.
-  const double fragility = 0.5 + Rng(appearance).Uniform();
-  for (int left = DrawCount(fragility * noise.random_bits, rng); left > 0; left -= kBitsPerStep) {
-    FlipBits(rng.Next(), std::min(left, kBitsPerStep), descriptor);
-  }
-  return descriptor;
-}
-
-/// Direction of the corner's orientation in the image.
-float ImageAngle(const FeatureCandidate& candidate, const FeatureView& view) {
-  const FeatureSurface& surface = *candidate.surface;
-  const auto angle = static_cast<double>(candidate.corner->angle);
-  const Eigen::Vector3d d_world = std::cos(angle) * surface.edge_u_world / surface.length_u_m +
-                                  std::sin(angle) * surface.edge_v_world / surface.length_v_m;
-  const Eigen::Vector3d d_camera = view.T_camera_world.rotation() * d_world;
-  const Eigen::Vector3d& p = candidate.p_camera;
-  return static_cast<float>(
-      std::atan2(d_camera.y() * p.z() - p.y() * d_camera.z(), d_camera.x() * p.z() - p.x() * d_camera.z()));
-}
 
 float Wrap(float angle) {
   const float wrapped = std::fmod(angle, kTurn);
@@ -174,9 +111,12 @@ using Scenes = std::vector<std::shared_ptr<const FeatureScene>>;
 
 std::vector<FeatureCandidate> CandidatesIn(const Scenes& scenes, const FeatureView& view) {
   std::vector<FeatureCandidate> candidates;
+  std::unordered_set<uint64_t> seen;
   for (const auto& scene : scenes) {
     for (size_t i = 0; i < scene->surfaces.size(); ++i) {
-      if (view.MaySee(scene->bounds[i])) FindCandidates(scene->surfaces[i], view, kBorder_px, candidates);
+      if (!view.MaySee(scene->bounds[i])) continue;
+      FindCandidates(scene->surfaces[i], view, kBorder_px, candidates);
+      FindOutlineCandidates(scene->surfaces[i], view, kBorder_px, seen, candidates);
     }
   }
   return candidates;
@@ -206,9 +146,11 @@ std::vector<double> ScoresOf(const std::vector<FeatureCandidate>& candidates, co
     const auto view_bin = static_cast<uint64_t>(candidate.octave * 64 + std::lround(8 * candidate.view_cosine));
     Rng by_view(Hash(candidate.landmark, kViewNoise, view_bin));
     Rng by_image(Hash(candidate.landmark, image_seed));
-    // Sums of two uniforms: of variance 1/6 each.
-    const double triangular = (by_view.Uniform() + by_view.Uniform() + by_image.Uniform() + by_image.Uniform() - 2);
-    const double share = 1 + noise.response_ratio * std::numbers::sqrt3 * triangular;
+    // Sums of two uniforms: of variance 1/6.
+    const double of_view = by_view.Uniform() + by_view.Uniform() - 1;
+    const double of_image = by_image.Uniform() + by_image.Uniform() - 1;
+    const double share =
+        1 + std::sqrt(6.0) * (noise.view_response_ratio * of_view + noise.image_response_ratio * of_image);
     scores.push_back(candidate.response * std::max(share, 0.0));
   }
   return scores;
@@ -225,7 +167,8 @@ Status FeatureNoise::Validate() const {
   }
   const std::pair<const char*, double> sizes[] = {{"pixel_px", pixel_px},
                                                   {"angle_rad", angle_rad},
-                                                  {"response_ratio", response_ratio},
+                                                  {"view_response_ratio", view_response_ratio},
+                                                  {"image_response_ratio", image_response_ratio},
                                                   {"random_bits", random_bits},
                                                   {"view_bits", view_bits},
                                                   {"scale_bits", scale_bits},

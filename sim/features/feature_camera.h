@@ -21,13 +21,15 @@ struct FeatureNoise {
   /// Sigma of a corner's place in pixels of its octave, before it is rounded to them as FAST's corners are.
   double pixel_px = 0.3;
   double angle_rad = 0.05;  ///< sigma of the orientation
-  /// Sigma of a corner's contrast in a view, as a share: decides which of many corners are among the image's.
-  double response_ratio = 0.25;
+  /// Sigma of a corner's contrast, as a share, in the same way in views of one kind: decides which of many corners are
+  /// among the image's.
+  double view_response_ratio = 0.14;
+  double image_response_ratio = 0.09;  ///< ... and in each image
   /// Mean number of descriptor bits that flip in an image, whatever it shows.
-  double random_bits = 15;
+  double random_bits = 14.5;
   /// Bits that differ per unit of foreshortening ln(1 / cos): the same ones for the same corner and direction. With
-  /// random_bits twice, 50 degrees from straight ahead give some 50 bits.
-  double view_bits = 60;
+  /// random_bits twice, 50 degrees from straight ahead give some 60 bits.
+  double view_bits = 75;
   /// ... and per octave that the corner appears larger or smaller than at its best.
   double scale_bits = 20;
   /// Features of each image that no landmark stands behind: where one thing ends before another, noise, reflections.

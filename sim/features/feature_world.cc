@@ -1,7 +1,9 @@
 #include "sim/features/feature_world.h"
 
 #include "mapp/base/check.h"
+#include "sim/bake_lights.h"
 #include "sim/features/hash.h"
+#include "sim/features/outlines.h"
 
 #include <algorithm>
 #include <cmath>
@@ -106,8 +108,15 @@ FeatureSurface FeatureWorld::MakeSurface(const Quad& quad, uint64_t id) const {
   return surface;
 }
 
+/// As WorldRenderer lights it. A world without lights has textures that hold their light.
+std::shared_ptr<const Scene> FeatureWorld::LitScene(int64_t stamp_ns) const {
+  auto scene = std::make_shared<Scene>(SceneAt(*world_, stamp_ns));
+  if (!world_->lights.empty()) BakeLights(*scene, world_->lights, world_->ambient);
+  return scene;
+}
+
 std::shared_ptr<const FeatureScene> FeatureWorld::Build(int64_t stamp_ns) const {
-  const auto scene = std::make_shared<const Scene>(SceneAt(*world_, stamp_ns));
+  const std::shared_ptr<const Scene> scene = LitScene(stamp_ns);
   auto built = std::make_shared<FeatureScene>();
   built->surfaces.reserve(scene->quads.size());
   std::unordered_map<uint32_t, uint64_t> num_of_object;
@@ -116,6 +125,7 @@ std::shared_ptr<const FeatureScene> FeatureWorld::Build(int64_t stamp_ns) const 
     built->surfaces.push_back(MakeSurface(quad, id));
     built->bounds.emplace_back(built->surfaces.back());
   }
+  FindOutlines(built->surfaces);
   built->rays = std::make_unique<const SceneRays>(scene);
   return built;
 }
@@ -142,6 +152,7 @@ std::shared_ptr<const FeatureScene> FeatureWorld::PassersAt(int64_t stamp_ns) co
     passers->surfaces.push_back(MakeSurface(quad, Hash(kPasserTag, passers->surfaces.size())));
     passers->bounds.emplace_back(passers->surfaces.back());
   }
+  FindOutlines(passers->surfaces);
   passers->rays = std::make_unique<const SceneRays>(scene);
   return passers;
 }

@@ -37,6 +37,13 @@ class SurfacePicture {
   mutable std::optional<TextureCorners> corners_;
 };
 
+/// A corner of a surface's outline, where the thing that it is part of ends.
+struct OutlineCorner {
+  uint64_t id = 0;      ///< of the place, through time; 0: nothing ends here, as where panels meet
+  bool is_flat = true;  ///< painted on or hung flat before something, which then stands behind it in every view
+  TextureCorner look;   ///< its place is the outline's
+};
+
 /// A surface with the corners on it. Landmarks are not stored: one is a corner of the picture at a place of the
 /// surface.
 struct FeatureSurface {
@@ -51,7 +58,8 @@ struct FeatureSurface {
   Eigen::Vector2d start;
   Eigen::Vector2d span;
   LightGrid light;
-  uint64_t id = 0;  ///< of the surface through time: where its object stands does not matter
+  std::array<OutlineCorner, 4> outline;  ///< at fractions (0, 0), (1, 0), (1, 1), (0, 1)
+  uint64_t id = 0;                       ///< of the surface through time: where its object stands does not matter
   uint32_t object_id = 0;
 
   /// Brightness at a fraction of the surface, in [0, 1]^2.
@@ -93,6 +101,7 @@ class FeatureWorld {
 
   FeatureSurface MakeSurface(const Quad& quad, uint64_t id) const;
   std::shared_ptr<const SurfacePicture> PictureOf(const Quad& quad, double log_aspect) const;
+  std::shared_ptr<const Scene> LitScene(int64_t stamp_ns) const;
   std::shared_ptr<const FeatureScene> Build(int64_t stamp_ns) const;
 
   std::shared_ptr<const World> world_;

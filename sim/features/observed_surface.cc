@@ -10,16 +10,13 @@
 namespace mapp::sim {
 namespace {
 
-constexpr double kNear_m = 0.1;
-constexpr double kLogScale = 0.1823215567939546;  // ln 1.2
 /// Nearer to the surface's edge than this, in pixels of its level, a corner's patch shows mostly what is behind.
 constexpr double kEdgePixels = 5;
-constexpr double kMinResponse = 7;  ///< the extractor's lower threshold
 /// Octaves [0, kPyramidLevels), each from half a step below to half a step above.
 constexpr double kMinOctave = -0.5;
 constexpr double kMaxOctave = kPyramidLevels - 0.5;
-const double kMinPixels = std::exp(kMinOctave * kLogScale);
-const double kMaxPixels = std::exp(kMaxOctave * kLogScale);
+const double kMinPixels = std::exp(kMinOctave * kLogPyramidScale);
+const double kMaxPixels = std::exp(kMaxOctave * kLogPyramidScale);
 /// Texels may be so much longer than wide before their picture is drawn anew; see kAspectStep in feature_world.cc.
 constexpr double kTexelStretch = 1.06;
 
@@ -31,7 +28,7 @@ FractionBox VisiblePart(const Eigen::Vector3d& c, const Eigen::Vector3d& u, cons
                         const FeatureView& view) {
   // Half-spaces n . p >= d in the camera's frame.
   const std::array<Eigen::Vector4d, 5> planes = {
-      Eigen::Vector4d(0, 0, 1, -kNear_m), Eigen::Vector4d(1, 0, -view.min_slopes.x(), 0),
+      Eigen::Vector4d(0, 0, 1, -kNearest_m), Eigen::Vector4d(1, 0, -view.min_slopes.x(), 0),
       Eigen::Vector4d(-1, 0, view.max_slopes.x(), 0), Eigen::Vector4d(0, 1, -view.min_slopes.y(), 0),
       Eigen::Vector4d(0, -1, view.max_slopes.y(), 0)};
   constexpr size_t kMaxCorners = 4 + 5;
@@ -76,7 +73,7 @@ class SurfaceWalk {
 
   void Run() {
     height_m_ = surface_.normal_world.dot(view_.T_world_camera.translation() - surface_.corner_world);
-    if (height_m_ < kNear_m * kMinViewCosine) return;
+    if (height_m_ < kNearest_m * kMinViewCosine) return;
     visible_ = VisiblePart(c_, u_, v_, view_);
     if (visible_.isEmpty()) return;
     // The place below the camera, in fractions, and the farthest distance at which the surface is not too oblique.
@@ -178,7 +175,7 @@ class SurfaceWalk {
   /// `pixels_at_1m`: the size at which a pixel of the corner's level would appear 1 m away, seen from straight ahead.
   bool TryCorner(const TextureCorner& corner, const Eigen::Vector2d& fraction, double pixels_at_1m) {
     const Eigen::Vector3d p_camera = At(fraction);
-    if (p_camera.z() < kNear_m || !view_.InPyramid(p_camera)) return false;
+    if (p_camera.z() < kNearest_m || !view_.InPyramid(p_camera)) return false;
     const double distance_m = p_camera.norm();
     const double cosine = height_m_ / distance_m;
     if (cosine < kMinViewCosine) return false;
@@ -188,7 +185,7 @@ class SurfaceWalk {
     const double contrast =
         static_cast<double>(corner.response) * surface_.Light(fraction) * std::sqrt(std::sqrt(cosine));
     if (contrast < kMinResponse) return false;
-    const double octave = std::log(pixels) / kLogScale;
+    const double octave = std::log(pixels) / kLogPyramidScale;
     const int nearest_octave = std::clamp(static_cast<int>(octave + 0.5), 0, kPyramidLevels - 1);
     const Eigen::Vector2d pixel = view_.camera.Project(p_camera);
     if (!view_.camera.Contains(pixel, border_px_ * static_cast<double>(OctaveScale(nearest_octave)))) return false;

@@ -37,6 +37,8 @@ struct FeatureView {
 struct FeatureCandidate {
   const FeatureSurface* surface = nullptr;
   const TextureCorner* corner = nullptr;
+  const OutlineCorner* outline = nullptr;  ///< whose look `corner` is, if it is one of an outline
+  int size_step = 0;         ///< outlines: of the octave's pixels where they show it, in steps of the pyramid
   uint64_t landmark = 0;     ///< of this corner at this place of this surface; never 0
   Eigen::Vector2d fraction;  ///< place on the surface, in [0, 1]^2
   Eigen::Vector3d p_camera;  ///< metres
@@ -46,6 +48,11 @@ struct FeatureCandidate {
   double view_cosine = 1;    ///< of the angle between the line of sight and the surface's normal
   double response = 0;       ///< contrast in gray levels, as lit and foreshortened
 };
+
+inline constexpr double kLogPyramidScale = 0.1823215567939546;  ///< ln kPyramidScale
+inline constexpr double kNearest_m = 0.1;                       ///< nearer things are not seen
+/// Contrast in gray levels below which nothing is a corner: the extractor's lower threshold.
+inline constexpr double kMinResponse = 7;
 
 /// Surfaces seen more obliquely than this show no corners that could be told apart (78 degrees).
 inline constexpr double kMinViewCosine = 0.2;

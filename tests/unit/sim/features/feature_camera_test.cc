@@ -15,8 +15,6 @@ namespace {
 
 using testing::HasSubstr;
 
-constexpr int64_t kSecond = 1'000'000'000;
-
 std::unique_ptr<FeatureCamera> MakeCamera(std::shared_ptr<const FeatureWorld> world, const FeatureNoise& noise = {},
                                           uint64_t seed = 1, SensorKind sensor = SensorKind::kRgbd) {
   StatusOr<std::unique_ptr<FeatureCamera>> camera =
@@ -27,7 +25,7 @@ std::unique_ptr<FeatureCamera> MakeCamera(std::shared_ptr<const FeatureWorld> wo
 
 FeatureNoise NoNoise() {
   FeatureNoise noise;
-  noise.pixel_px = noise.angle_rad = noise.response_ratio = 0;
+  noise.pixel_px = noise.angle_rad = noise.view_response_ratio = noise.image_response_ratio = 0;
   noise.random_bits = noise.view_bits = noise.scale_bits = 0;
   noise.clutter_ratio = 0;
   noise.depth_sigma_per_m = noise.disparity_px = 0;

@@ -5,10 +5,13 @@
 #include "sim/scene.h"
 #include "sim/world/world.h"
 
+#include <cstdint>
 #include <memory>
 #include <utility>
 
 namespace mapp::sim {
+
+inline constexpr int64_t kSecond = 1'000'000'000;
 
 inline std::shared_ptr<const Texture> BrickTexture(uint64_t seed, double width_m, double height_m) {
   constexpr double kTexelsPerM = 250;
