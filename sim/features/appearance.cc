@@ -116,7 +116,7 @@ void ChangeOutline(const OutlineCorner& corner, int size_step, const Eigen::Vect
 OrbDescriptor Describe(const FeatureCandidate& candidate, const FeatureView& view, const FeatureNoise& noise,
                        Rng& rng) {
   OrbDescriptor descriptor = candidate.corner->descriptor;
-  const Eigen::Vector3d to_eye_world = -(view.T_world_camera.rotation() * candidate.p_camera).normalized();
+  const Eigen::Vector3d to_eye_world = -(view.R_camera_world.transpose() * candidate.p_camera).normalized();
   Foreshorten(candidate, to_eye_world, noise.view_bits, descriptor);
   if (candidate.outline != nullptr) ChangeOutline(*candidate.outline, candidate.size_step, to_eye_world, descriptor);
   FlipAlong(candidate.scale_misfit * noise.scale_bits, kScale, descriptor);
@@ -132,7 +132,7 @@ float ImageAngle(const FeatureCandidate& candidate, const FeatureView& view) {
   const auto angle = static_cast<double>(candidate.corner->angle);
   const Eigen::Vector3d d_world = std::cos(angle) * surface.edge_u_world / surface.length_u_m +
                                   std::sin(angle) * surface.edge_v_world / surface.length_v_m;
-  const Eigen::Vector3d d_camera = view.T_camera_world.rotation() * d_world;
+  const Eigen::Vector3d d_camera = view.R_camera_world * d_world;
   const Eigen::Vector3d& p = candidate.p_camera;
   return static_cast<float>(
       std::atan2(d_camera.y() * p.z() - p.y() * d_camera.z(), d_camera.x() * p.z() - p.x() * d_camera.z()));

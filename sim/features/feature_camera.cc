@@ -11,7 +11,6 @@
 #include <algorithm>
 #include <cmath>
 #include <numbers>
-#include <unordered_set>
 #include <utility>
 
 namespace mapp::sim {
@@ -21,6 +20,8 @@ namespace {
 constexpr double kBorder_px = 19;
 /// A line of sight ends this much before its landmark, so that the landmark's own surface does not hide it.
 constexpr double kClearance_m = 0.003;
+/// Among things there are about so many: growing to them would cost as much as finding them.
+constexpr size_t kTypicalCandidates = 12'000;
 /// Hash domains.
 enum : uint64_t { kViewNoise = 1, kImageNoise, kClutter };
 
@@ -111,12 +112,13 @@ using Scenes = std::vector<std::shared_ptr<const FeatureScene>>;
 
 std::vector<FeatureCandidate> CandidatesIn(const Scenes& scenes, const FeatureView& view) {
   std::vector<FeatureCandidate> candidates;
-  std::unordered_set<uint64_t> seen;
+  candidates.reserve(kTypicalCandidates);
   for (const auto& scene : scenes) {
+    std::vector<bool> seen(scene->num_outline_corners, false);
     for (size_t i = 0; i < scene->surfaces.size(); ++i) {
-      if (!view.MaySee(scene->bounds[i])) continue;
-      FindCandidates(scene->surfaces[i], view, kBorder_px, candidates);
-      FindOutlineCandidates(scene->surfaces[i], view, kBorder_px, seen, candidates);
+      const SurfaceSight sight = view.SightOf(scene->bounds[i]);
+      if (sight.corners) FindCandidates(scene->surfaces[i], view, kBorder_px, candidates);
+      if (sight.outline) FindOutlineCandidates(scene->surfaces[i], view, kBorder_px, seen, candidates);
     }
   }
   return candidates;
@@ -126,7 +128,7 @@ std::vector<uint8_t> Hidden(const Scenes& scenes, const FeatureView& view,
                             const std::vector<FeatureCandidate>& candidates, std::span<const size_t> indices) {
   std::vector<Eigen::Vector3d> p_world;
   p_world.reserve(indices.size());
-  const Eigen::Matrix3d R_world_camera = view.T_world_camera.RotationMatrix();
+  const Eigen::Matrix3d R_world_camera = view.R_camera_world.transpose();
   const Eigen::Vector3d& eye_world = view.T_world_camera.translation();
   for (const size_t i : indices) p_world.push_back(R_world_camera * candidates[i].p_camera + eye_world);
   std::vector<uint8_t> hidden(indices.size(), 0);
@@ -137,6 +139,11 @@ std::vector<uint8_t> Hidden(const Scenes& scenes, const FeatureView& view,
   return hidden;
 }
 
+/// In (-1, 1), of variance 1/6: the sum of two uniform numbers.
+double Triangular(uint64_t hash) {
+  return static_cast<double>(hash >> 32) * 0x1.0p-32 + static_cast<double>(hash & 0xffffffffU) * 0x1.0p-32 - 1;
+}
+
 /// A corner's contrast differs from view to view, for a good part in the same way in views of one kind.
 std::vector<double> ScoresOf(const std::vector<FeatureCandidate>& candidates, const FeatureNoise& noise,
                              uint64_t image_seed) {
@@ -144,11 +151,8 @@ std::vector<double> ScoresOf(const std::vector<FeatureCandidate>& candidates, co
   scores.reserve(candidates.size());
   for (const FeatureCandidate& candidate : candidates) {
     const auto view_bin = static_cast<uint64_t>(candidate.octave * 64 + std::lround(8 * candidate.view_cosine));
-    Rng by_view(Hash(candidate.landmark, kViewNoise, view_bin));
-    Rng by_image(Hash(candidate.landmark, image_seed));
-    // Sums of two uniforms: of variance 1/6.
-    const double of_view = by_view.Uniform() + by_view.Uniform() - 1;
-    const double of_image = by_image.Uniform() + by_image.Uniform() - 1;
+    const double of_view = Triangular(Hash(candidate.landmark, kViewNoise, view_bin));
+    const double of_image = Triangular(Hash(candidate.landmark, image_seed));
     const double share =
         1 + std::sqrt(6.0) * (noise.view_response_ratio * of_view + noise.image_response_ratio * of_image);
     scores.push_back(candidate.response * std::max(share, 0.0));

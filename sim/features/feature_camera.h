@@ -14,8 +14,8 @@
 
 namespace mapp::sim {
 
-/// What a camera and ORB add to the truth. Random, view and contrast noise were set on a rendered room
-/// (docs/evaluation/feature_level.md), the others estimated.
+/// What a camera and ORB add to the truth. Random, view and contrast noise were set on rendered views of a
+/// room and a garage (docs/evaluation/feature_level.md), the others estimated.
 struct FeatureNoise {
   int num_features = kMaxFeatures;  ///< at most; range [1, kMaxFeatures]
   /// Sigma of a corner's place in pixels of its octave, before it is rounded to them as FAST's corners are.
@@ -64,7 +64,8 @@ class FeatureCamera {
                                                          const CameraRig& rig, const FeatureNoise& noise,
                                                          uint64_t seed);
 
-  /// Takes about a millisecond once the textures in view have been seen before.
+  /// Takes some 5 ms among things, and as much again for each part of a texture met for the first time
+  /// (bench/feature_bench).
   std::vector<ObservedFeature> Observe(const Pose3& T_world_camera, int64_t stamp_ns) const;
   const CameraRig& rig() const { return rig_; }
 

@@ -15,6 +15,16 @@ constexpr double kMaxEvenShares = 2.5;
 constexpr double kBatchShare = 1.3;
 constexpr size_t kMinBatch = 16;
 
+/// A candidate among those of its octave: the best come first.
+struct Ranked {
+  double score;
+  uint64_t landmark;
+  size_t idx;
+  friend bool operator<(const Ranked& a, const Ranked& b) {
+    return std::tuple(-a.score, a.landmark) < std::tuple(-b.score, b.landmark);
+  }
+};
+
 /// Chooses among the candidates of one octave.
 class OctaveSelection {
  public:
@@ -94,8 +104,12 @@ class OctaveSelection {
 
 std::vector<size_t> SelectFeatures(const Camera& camera, std::span<const FeatureCandidate> candidates,
                                    std::span<const double> scores, int num_features, const HiddenTest& hidden) {
-  std::array<std::vector<size_t>, kPyramidLevels> octaves;
-  for (size_t i = 0; i < candidates.size(); ++i) octaves[static_cast<size_t>(candidates[i].octave)].push_back(i);
+  std::array<std::vector<Ranked>, kPyramidLevels> octaves;
+  for (std::vector<Ranked>& ranked : octaves) ranked.reserve(candidates.size() / 4);
+  for (size_t i = 0; i < candidates.size(); ++i) {
+    octaves[static_cast<size_t>(candidates[i].octave)].push_back({scores[i], candidates[i].landmark, i});
+  }
+  std::vector<size_t> order;
   std::vector<size_t> selected;
   selected.reserve(static_cast<size_t>(num_features));
   double remaining_weight = 0;
@@ -106,10 +120,10 @@ std::vector<size_t> SelectFeatures(const Camera& camera, std::span<const Feature
     const int remaining = num_features - static_cast<int>(selected.size());
     const auto quota = static_cast<size_t>(std::max(0L, std::lround(remaining * weight / remaining_weight)));
     remaining_weight -= weight;
-    std::vector<size_t>& order = octaves[static_cast<size_t>(octave)];
-    std::sort(order.begin(), order.end(), [&](size_t a, size_t b) {
-      return std::tuple(-scores[a], candidates[a].landmark) < std::tuple(-scores[b], candidates[b].landmark);
-    });
+    std::vector<Ranked>& ranked = octaves[static_cast<size_t>(octave)];
+    std::sort(ranked.begin(), ranked.end());
+    order.clear();
+    for (const Ranked& candidate : ranked) order.push_back(candidate.idx);
     OctaveSelection(camera, candidates, octave, quota).Run(order, hidden, selected);
   }
   return selected;

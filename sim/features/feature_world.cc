@@ -18,32 +18,24 @@ constexpr double kAspectStep = 1.1;
 /// Tells people's surfaces from those of objects.
 constexpr uint64_t kPasserTag = 0x9a55e5ULL;
 
+/// The same surface, described from its opposite corner.
+Quad HalfTurned(Quad quad) {
+  quad.corner_world += quad.edge_u_world + quad.edge_v_world;
+  quad.edge_u_world = -quad.edge_u_world;
+  quad.edge_v_world = -quad.edge_v_world;
+  std::swap(quad.window.u0, quad.window.u1);
+  std::swap(quad.window.v0, quad.window.v1);
+  std::reverse(quad.light.factors.begin(), quad.light.factors.end());
+  return quad;
+}
+
+/// Adds what follows from the surfaces.
+void Complete(FeatureScene& scene) {
+  scene.num_outline_corners = FindOutlines(scene.surfaces);
+  for (const FeatureSurface& surface : scene.surfaces) scene.bounds.emplace_back(surface);
+}
+
 }  // namespace
-
-SurfacePicture::SurfacePicture(std::shared_ptr<const Texture> texture, bool flip_u, bool flip_v, double log_aspect)
-    : texture_(std::move(texture)), flip_u_(flip_u), flip_v_(flip_v), log_aspect_(log_aspect) {}
-
-GrayImage SurfacePicture::Draw() const {
-  const double stretch = std::exp(log_aspect_ / 2);
-  const int width = std::max(1, static_cast<int>(std::lround(texture_->width() * stretch)));
-  const int height = std::max(1, static_cast<int>(std::lround(texture_->height() / stretch)));
-  const auto footprint = static_cast<float>(std::max(stretch, 1 / stretch));
-  GrayImage picture(width, height);
-  for (int y = 0; y < height; ++y) {
-    const float v = (static_cast<float>(y) + 0.5F) / static_cast<float>(height);
-    for (int x = 0; x < width; ++x) {
-      const float u = (static_cast<float>(x) + 0.5F) / static_cast<float>(width);
-      const float gray = texture_->Sample(flip_u_ ? 1 - u : u, flip_v_ ? 1 - v : v, footprint);
-      picture.at(x, y) = static_cast<uint8_t>(std::lround(std::clamp(gray, 0.0F, 255.0F)));
-    }
-  }
-  return picture;
-}
-
-const TextureCorners& SurfacePicture::corners() const {
-  std::call_once(once_, [this] { corners_.emplace(Draw()); });
-  return *corners_;
-}
 
 double FeatureSurface::Light(const Eigen::Vector2d& fraction) const {
   if (light.factors.empty()) return 1;
@@ -65,27 +57,30 @@ SurfaceBounds::SurfaceBounds(const FeatureSurface& surface)
     : center_world((surface.corner_world + (surface.edge_u_world + surface.edge_v_world) / 2).cast<float>()),
       radius_m(static_cast<float>((surface.edge_u_world + surface.edge_v_world).norm() / 2)),
       normal_world(surface.normal_world.cast<float>()),
-      plane_offset_m(static_cast<float>(surface.normal_world.dot(surface.corner_world))) {}
+      plane_offset_m(static_cast<float>(surface.normal_world.dot(surface.corner_world))),
+      shorter_edge_m(static_cast<float>(std::min(surface.length_u_m, surface.length_v_m))),
+      has_outline(std::ranges::any_of(surface.outline, [](const OutlineCorner& corner) { return corner.id != 0; })) {}
 
 FeatureWorld::FeatureWorld(std::shared_ptr<const World> world) : world_(std::move(world)) {
   MAPP_CHECK(world_ != nullptr);
   for (const WorldChange& change : ChangesOf(*world_)) change_stamps_ns_.push_back(change.stamp_ns);
 }
 
-std::shared_ptr<const SurfacePicture> FeatureWorld::PictureOf(const Quad& quad, double log_aspect) const {
+std::shared_ptr<const TextureCorners> FeatureWorld::PictureOf(const Quad& quad, double log_aspect) const {
   const bool flip_u = quad.window.u1 < quad.window.u0;
-  const bool flip_v = quad.window.v1 < quad.window.v0;
   const double step = std::log(kAspectStep);
   const int aspect = static_cast<int>(std::lround(log_aspect / step));
   MutexLock lock(mutex_);
-  std::shared_ptr<const SurfacePicture>& picture = pictures_[PictureKey(quad.texture.get(), flip_u, flip_v, aspect)];
+  std::shared_ptr<const TextureCorners>& picture = pictures_[PictureKey(quad.texture.get(), flip_u, aspect)];
   if (picture == nullptr) {
-    picture = std::make_shared<const SurfacePicture>(quad.texture, flip_u, flip_v, aspect * step);
+    picture = std::make_shared<const TextureCorners>(TexturePicture{quad.texture, flip_u, aspect * step});
   }
   return picture;
 }
 
-FeatureSurface FeatureWorld::MakeSurface(const Quad& quad, uint64_t id) const {
+FeatureSurface FeatureWorld::MakeSurface(const Quad& given, uint64_t id) const {
+  // ORB turns with the picture: one upside down needs no corners of its own.
+  const Quad quad = given.window.v1 < given.window.v0 ? HalfTurned(given) : given;
   FeatureSurface surface;
   surface.corner_world = quad.corner_world;
   surface.edge_u_world = quad.edge_u_world;
@@ -93,12 +88,10 @@ FeatureSurface FeatureWorld::MakeSurface(const Quad& quad, uint64_t id) const {
   surface.normal_world = quad.NormalWorld();
   surface.length_u_m = quad.edge_u_world.norm();
   surface.length_v_m = quad.edge_v_world.norm();
-  const auto along = [](float from, float to, double* start, double* span) {
-    *span = std::abs(static_cast<double>(to) - static_cast<double>(from));
-    *start = static_cast<double>(to < from ? 1 - from : from);
-  };
-  along(quad.window.u0, quad.window.u1, &surface.start.x(), &surface.span.x());
-  along(quad.window.v0, quad.window.v1, &surface.start.y(), &surface.span.y());
+  const TextureWindow& window = quad.window;
+  const bool flip_u = window.u1 < window.u0;
+  surface.span = {std::abs(window.u1 - window.u0), window.v1 - window.v0};
+  surface.start = {flip_u ? 1 - window.u0 : window.u0, window.v0};
   const double texel_u_m = surface.length_u_m / (surface.span.x() * quad.texture->width());
   const double texel_v_m = surface.length_v_m / (surface.span.y() * quad.texture->height());
   surface.picture = PictureOf(quad, std::log(texel_u_m / texel_v_m));
@@ -123,9 +116,8 @@ std::shared_ptr<const FeatureScene> FeatureWorld::Build(int64_t stamp_ns) const 
   for (const Quad& quad : scene->quads) {
     const uint64_t id = Hash(quad.object_id, num_of_object[quad.object_id]++);
     built->surfaces.push_back(MakeSurface(quad, id));
-    built->bounds.emplace_back(built->surfaces.back());
   }
-  FindOutlines(built->surfaces);
+  Complete(*built);
   built->rays = std::make_unique<const SceneRays>(scene);
   return built;
 }
@@ -150,9 +142,8 @@ std::shared_ptr<const FeatureScene> FeatureWorld::PassersAt(int64_t stamp_ns) co
   auto passers = std::make_shared<FeatureScene>();
   for (const Quad& quad : scene->quads) {
     passers->surfaces.push_back(MakeSurface(quad, Hash(kPasserTag, passers->surfaces.size())));
-    passers->bounds.emplace_back(passers->surfaces.back());
   }
-  FindOutlines(passers->surfaces);
+  Complete(*passers);
   passers->rays = std::make_unique<const SceneRays>(scene);
   return passers;
 }

@@ -12,36 +12,20 @@
 #include <cstdint>
 #include <map>
 #include <memory>
-#include <mutex>
-#include <optional>
 #include <tuple>
 #include <vector>
 
 namespace mapp::sim {
 
-/// The corners of a texture as a surface shows it, upright or mirrored, with square texels. Found when first asked for;
-/// thread-safe.
-class SurfacePicture {
- public:
-  /// `log_aspect`: of a texel's width to its height on the surface.
-  SurfacePicture(std::shared_ptr<const Texture> texture, bool flip_u, bool flip_v, double log_aspect);
-  const TextureCorners& corners() const;
-
- private:
-  GrayImage Draw() const;
-
-  std::shared_ptr<const Texture> texture_;
-  bool flip_u_, flip_v_;
-  double log_aspect_;
-  mutable std::once_flag once_;
-  mutable std::optional<TextureCorners> corners_;
-};
-
 /// A corner of a surface's outline, where the thing that it is part of ends.
 struct OutlineCorner {
   uint64_t id = 0;      ///< of the place, through time; 0: nothing ends here, as where panels meet
+  uint32_t number = 0;  ///< among the scene's; surfaces that meet in a corner share it
   bool is_flat = true;  ///< painted on or hung flat before something, which then stands behind it in every view
   TextureCorner look;   ///< its place is the outline's
+  /// What stands behind it is as bright or dark as itself from some directions: a wave over the directions to the eye.
+  Eigen::Vector3f wave = Eigen::Vector3f::Zero();
+  float phase = 0;
 };
 
 /// A surface with the corners on it. Landmarks are not stored: one is a corner of the picture at a place of the
@@ -53,8 +37,8 @@ struct FeatureSurface {
   Eigen::Vector3d normal_world;
   double length_u_m = 0;
   double length_v_m = 0;
-  std::shared_ptr<const SurfacePicture> picture;
-  /// Fraction f of the surface shows fraction start + f * span of the (flipped, repeating) picture.
+  std::shared_ptr<const TextureCorners> picture;
+  /// Fraction f of the surface shows fraction start + f * span of the (mirrored, repeating) picture.
   Eigen::Vector2d start;
   Eigen::Vector2d span;
   LightGrid light;
@@ -73,12 +57,15 @@ struct SurfaceBounds {
   float radius_m;
   Eigen::Vector3f normal_world;
   float plane_offset_m;  ///< normal . p of the plane's points
+  float shorter_edge_m;
+  bool has_outline;  ///< some of its corners are an outline's
 };
 
 /// The world between two of its changes, or the people in it at a moment. Immutable.
 struct FeatureScene {
   std::vector<FeatureSurface> surfaces;
   std::vector<SurfaceBounds> bounds;  ///< of each surface
+  uint32_t num_outline_corners = 0;
   std::unique_ptr<const SceneRays> rays;
 };
 
@@ -97,10 +84,10 @@ class FeatureWorld {
   const World& world() const { return *world_; }
 
  private:
-  using PictureKey = std::tuple<const Texture*, bool, bool, int>;
+  using PictureKey = std::tuple<const Texture*, bool, int>;  ///< texture, mirrored, steps of aspect
 
   FeatureSurface MakeSurface(const Quad& quad, uint64_t id) const;
-  std::shared_ptr<const SurfacePicture> PictureOf(const Quad& quad, double log_aspect) const;
+  std::shared_ptr<const TextureCorners> PictureOf(const Quad& quad, double log_aspect) const;
   std::shared_ptr<const Scene> LitScene(int64_t stamp_ns) const;
   std::shared_ptr<const FeatureScene> Build(int64_t stamp_ns) const;
 
@@ -108,7 +95,7 @@ class FeatureWorld {
   std::vector<int64_t> change_stamps_ns_;
   mutable Mutex mutex_;
   mutable std::map<size_t, std::shared_ptr<const FeatureScene>> scenes_ ABSL_GUARDED_BY(mutex_);  ///< by changes so far
-  mutable std::map<PictureKey, std::shared_ptr<const SurfacePicture>> pictures_ ABSL_GUARDED_BY(mutex_);
+  mutable std::map<PictureKey, std::shared_ptr<const TextureCorners>> pictures_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace mapp::sim

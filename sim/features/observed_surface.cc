@@ -17,6 +17,9 @@ constexpr double kMinOctave = -0.5;
 constexpr double kMaxOctave = kPyramidLevels - 0.5;
 const double kMinPixels = std::exp(kMinOctave * kLogPyramidScale);
 const double kMaxPixels = std::exp(kMaxOctave * kLogPyramidScale);
+/// Of the distances at which a level serves: the nearest to the farthest, and those of the next level.
+const double kClosestShare = std::pow(kMinPixels / kMaxPixels, 2.0 / 3.0);
+const double kFartherPerLevel = std::exp(kLogPyramidScale * 2 / 3);
 /// Texels may be so much longer than wide before their picture is drawn anew; see kAspectStep in feature_world.cc.
 constexpr double kTexelStretch = 1.06;
 
@@ -66,9 +69,9 @@ class SurfaceWalk {
   SurfaceWalk(const FeatureSurface& surface, const FeatureView& view, double border_px,
               std::vector<FeatureCandidate>& candidates)
       : surface_(surface), view_(view), border_px_(border_px), candidates_(candidates) {
-    c_ = view.T_camera_world * surface.corner_world;
-    u_ = view.T_camera_world.rotation() * surface.edge_u_world;
-    v_ = view.T_camera_world.rotation() * surface.edge_v_world;
+    c_ = view.InCamera(surface.corner_world);
+    u_ = view.R_camera_world * surface.edge_u_world;
+    v_ = view.R_camera_world * surface.edge_v_world;
   }
 
   void Run() {
@@ -81,12 +84,17 @@ class SurfaceWalk {
     const double reach_m = height_m_ / kMinViewCosine;
     visible_ = visible_.intersection(Disc(reach_m));
     if (visible_.isEmpty()) return;
-    const TextureCorners& corners = surface_.picture->corners();
+    const TextureCorners& corners = *surface_.picture;
     texel_m_ = std::sqrt(surface_.length_u_m / (surface_.span.x() * corners.width_texels()) * surface_.length_v_m /
                          (surface_.span.y() * corners.height_texels()));
     const Eigen::Vector2d nearest = foot_.cwiseMax(visible_.min()).cwiseMin(visible_.max());
     const double nearest_m = At(nearest).norm();
-    for (size_t level = 0; level < corners.levels().size(); ++level) WalkLevel(corners, level, nearest_m);
+    const double constant = view_.focal_px * texel_m_ * std::sqrt(height_m_);
+    double farthest_m = std::cbrt(constant * constant / (kMinPixels * kMinPixels));
+    for (size_t level = 0; level < corners.levels().size(); ++level) {
+      if (farthest_m >= nearest_m) WalkLevel(corners, level, farthest_m);
+      farthest_m *= kFartherPerLevel;
+    }
   }
 
  private:
@@ -100,15 +108,11 @@ class SurfaceWalk {
   }
 
   /// `focal * pitch * sqrt(cosine) / distance` pixels is how large a pixel of the level appears; its logarithm to the
-  /// pyramid's base is the octave. It falls with distance, so that a level serves a ring around the foot.
-  void WalkLevel(const TextureCorners& corners, size_t level_idx, double nearest_m) {
-    const CornerLevel& level = corners.levels()[level_idx];
-    const double pitch_m = level.pitch_texels * texel_m_;
-    // cosine = height / distance: pixels = focal * pitch * sqrt(height) / distance^1.5.
-    const double constant = view_.focal_px * pitch_m * std::sqrt(height_m_);
-    const double farthest_m = std::pow(constant / kMinPixels, 2.0 / 3.0);
-    const double closest_m = std::pow(constant / kMaxPixels, 2.0 / 3.0);
-    if (farthest_m < nearest_m || farthest_m < height_m_) return;
+  /// pyramid's base is the octave. With cosine = height / distance it falls with distance^1.5, so that a level serves a
+  /// ring around the foot.
+  void WalkLevel(const TextureCorners& corners, size_t level_idx, double farthest_m) {
+    const double closest_m = farthest_m * kClosestShare;
+    if (farthest_m < height_m_) return;
     const FractionBox box = visible_.intersection(Disc(farthest_m));
     if (box.isEmpty()) return;
     for (const Eigen::Vector2d& end : {box.min(), box.max(), Eigen::Vector2d(box.min().x(), box.max().y()),
@@ -127,14 +131,14 @@ class SurfaceWalk {
     const Eigen::Vector2d to = (surface_.start + box.max().cwiseProduct(surface_.span)).cwiseProduct(size);
     for (auto repeat_y = static_cast<int>(std::floor(from.y() / size.y())); repeat_y * size.y() <= to.y(); ++repeat_y) {
       const auto [first_row, last_row] =
-          Cells(from.y() - repeat_y * size.y(), to.y() - repeat_y * size.y(), level.cell_texels, level.rows);
+          Cells(from.y() - repeat_y * size.y(), to.y() - repeat_y * size.y(), level.cell_texels(), level.rows());
       for (auto repeat_x = static_cast<int>(std::floor(from.x() / size.x())); repeat_x * size.x() <= to.x();
            ++repeat_x) {
         const auto [first_column, last_column] =
-            Cells(from.x() - repeat_x * size.x(), to.x() - repeat_x * size.x(), level.cell_texels, level.columns);
+            Cells(from.x() - repeat_x * size.x(), to.x() - repeat_x * size.x(), level.cell_texels(), level.columns());
         for (int row = first_row; row <= last_row; ++row) {
           for (int column = first_column; column <= last_column; ++column) {
-            WalkCell(corners, level_idx, row * level.columns + column, {repeat_x, repeat_y}, level.Cell(column, row));
+            WalkCell(corners, level_idx, row * level.columns() + column, {repeat_x, repeat_y});
           }
         }
       }
@@ -146,20 +150,38 @@ class SurfaceWalk {
             std::clamp(static_cast<int>(std::floor(to_texels / cell_texels)), -1, count - 1)};
   }
 
-  void WalkCell(const TextureCorners& corners, size_t level_idx, int cell, const Eigen::Vector2i& repeat,
-                std::span<const TextureCorner> in_cell) {
+  /// Whether a part of the surface may be near enough, and far enough, for some of the level's corners to be seen.
+  bool MayServe(const CornerLevel& level, const Eigen::Vector3d& middle_camera, double radius_m) const {
+    const double distance_m = middle_camera.norm();
+    const double nearest_m = std::max(distance_m - radius_m, height_m_);
+    const double farthest_m = distance_m + radius_m;
+    if (nearest_m * kMinViewCosine > height_m_) return false;
+    const double pixels_at_1m = PixelsAt1m(level);
+    return pixels_at_1m >= kMinPixels * nearest_m * std::sqrt(nearest_m) &&
+           pixels_at_1m < kMaxPixels * farthest_m * std::sqrt(farthest_m);
+  }
+
+  /// Size at which a pixel of the level would appear at a place 1 m away, squeezed as it lies.
+  double PixelsAt1m(const CornerLevel& level) const {
+    return view_.focal_px * level.pitch_texels() * texel_m_ * std::sqrt(height_m_);
+  }
+
+  void WalkCell(const TextureCorners& corners, size_t level_idx, int cell, const Eigen::Vector2i& repeat) {
     const CornerLevel& level = corners.levels()[level_idx];
     // fraction = texels * per_texel + offset
     const Eigen::Vector2d size(corners.width_texels(), corners.height_texels());
     const Eigen::Vector2d per_texel = (size.cwiseProduct(surface_.span)).cwiseInverse();
     const Eigen::Vector2d offset = (repeat.cast<double>() - surface_.start).cwiseQuotient(surface_.span);
     const Eigen::Vector2d middle_texels =
-        level.cell_texels * Eigen::Vector2d(cell % level.columns + 0.5, cell / level.columns + 0.5);
-    const double radius_m = level.cell_texels * texel_m_ * std::numbers::sqrt2 / 2 * kTexelStretch;
-    if (!view_.MaySeeBall(At(middle_texels.cwiseProduct(per_texel) + offset), radius_m)) return;
-    const double edge_m = kEdgePixels * level.pitch_texels * texel_m_;
+        level.cell_texels() * Eigen::Vector2d(cell % level.columns() + 0.5, cell / level.columns() + 0.5);
+    const double radius_m = level.cell_texels() * texel_m_ * std::numbers::sqrt2 / 2 * kTexelStretch;
+    const Eigen::Vector3d middle_camera = At(middle_texels.cwiseProduct(per_texel) + offset);
+    if (!MayServe(level, middle_camera, radius_m) || !view_.MaySeeBall(middle_camera, radius_m)) return;
+    const std::span<const TextureCorner> in_cell = level.Cell(cell % level.columns(), cell / level.columns());
+    const double edge_m = kEdgePixels * level.pitch_texels() * texel_m_;
     const Eigen::Vector2d margin(edge_m / surface_.length_u_m, edge_m / surface_.length_v_m);
-    const double pixels_at_1m = view_.focal_px * level.pitch_texels * texel_m_ * std::sqrt(height_m_);
+    const double pixels_at_1m = PixelsAt1m(level);
+    if (in_cell.empty()) return;
     const uint64_t level_at = Hash(surface_.id, level_idx, static_cast<uint64_t>(cell));
     const uint64_t cell_id = Hash(level_at, static_cast<uint32_t>(repeat.x()), static_cast<uint32_t>(repeat.y()));
     for (size_t i = 0; i < in_cell.size(); ++i) {
@@ -216,7 +238,10 @@ class SurfaceWalk {
 }  // namespace
 
 FeatureView::FeatureView(const Camera& with_camera, const Pose3& at)
-    : camera(with_camera), T_world_camera(at), T_camera_world(at.Inverse()) {
+    : camera(with_camera),
+      T_world_camera(at),
+      T_camera_world(at.Inverse()),
+      R_camera_world(T_camera_world.RotationMatrix()) {
   focal_px = std::sqrt(camera.FocalLengths().prod());
   min_slopes = max_slopes = camera.Unproject(camera.PrincipalPoint()).head<2>();
   constexpr int kStepsAlongEdge = 8;
@@ -250,13 +275,20 @@ bool FeatureView::MaySeeBall(const Eigen::Vector3d& center_camera, double radius
                      [&](const Eigen::Vector3d& normal) { return normal.dot(center_camera) >= -radius_m; });
 }
 
-bool FeatureView::MaySee(const SurfaceBounds& bounds) const {
+SurfaceSight FeatureView::SightOf(const SurfaceBounds& bounds) const {
   const Eigen::Vector3f eye_world = T_world_camera.translation().cast<float>();
-  if (bounds.normal_world.dot(eye_world) <= bounds.plane_offset_m) return false;
+  const float height_m = bounds.normal_world.dot(eye_world) - bounds.plane_offset_m;
+  if (height_m <= 0) return {};
   const Eigen::Vector3f to_center = bounds.center_world - eye_world;
-  return std::all_of(side_normals_world_.begin(), side_normals_world_.end(), [&](const Eigen::Vector3f& normal_world) {
-    return normal_world.dot(to_center) >= -bounds.radius_m;
-  });
+  for (const Eigen::Vector3f& normal_world : side_normals_world_) {
+    if (normal_world.dot(to_center) < -bounds.radius_m) return {};
+  }
+  const float nearest_m = to_center.norm() - bounds.radius_m;
+  // Most of what is in view is too far away for all but a flat look at it.
+  return {.corners = nearest_m * static_cast<float>(kMinViewCosine) <= height_m,
+          .outline = bounds.has_outline && nearest_m * static_cast<float>(kMinRimCosine) <= height_m &&
+                     nearest_m * static_cast<float>(kMinOutlineEdge_px) <=
+                         bounds.shorter_edge_m * static_cast<float>(focal_px)};
 }
 
 void FindCandidates(const FeatureSurface& surface, const FeatureView& view, double border_px,

@@ -12,6 +12,20 @@
 
 namespace mapp::sim {
 
+/// Surfaces seen more obliquely than this show no corners that could be told apart (78 degrees).
+inline constexpr double kMinViewCosine = 0.2;
+
+/// Flatter than this a surface shows not even its outline.
+inline constexpr double kMinRimCosine = 0.03;
+/// A surface shorter than this in pixels of an octave has no corners of its outline there.
+inline constexpr double kMinOutlineEdge_px = 4;
+
+/// What of a surface may be in the image.
+struct SurfaceSight {
+  bool corners = false;  ///< of its picture
+  bool outline = false;
+};
+
 /// A camera at a place, with what culling needs.
 struct FeatureView {
   FeatureView(const Camera& camera, const Pose3& T_world_camera);
@@ -19,8 +33,11 @@ struct FeatureView {
   const Camera& camera;
   Pose3 T_world_camera;
   Pose3 T_camera_world;
-  /// Whether some of the surface may be in the image and shows its front.
-  bool MaySee(const SurfaceBounds& bounds) const;
+  Eigen::Matrix3d R_camera_world;
+  Eigen::Vector3d InCamera(const Eigen::Vector3d& p_world) const {
+    return R_camera_world * p_world + T_camera_world.translation();
+  }
+  SurfaceSight SightOf(const SurfaceBounds& bounds) const;
   bool MaySeeBall(const Eigen::Vector3d& center_camera, double radius_m) const;
   bool InPyramid(const Eigen::Vector3d& p_camera) const;
 
@@ -53,9 +70,6 @@ inline constexpr double kLogPyramidScale = 0.1823215567939546;  ///< ln kPyramid
 inline constexpr double kNearest_m = 0.1;                       ///< nearer things are not seen
 /// Contrast in gray levels below which nothing is a corner: the extractor's lower threshold.
 inline constexpr double kMinResponse = 7;
-
-/// Surfaces seen more obliquely than this show no corners that could be told apart (78 degrees).
-inline constexpr double kMinViewCosine = 0.2;
 
 /// Appends the surface's landmarks within the image, `border_px` pixels of their octave away from its edge.
 void FindCandidates(const FeatureSurface& surface, const FeatureView& view, double border_px,

@@ -19,16 +19,12 @@ constexpr double kWeld_m = 0.004;
 constexpr double kSameNormal = 0.999;
 /// Pixels of this size, where they show the corner, are step 0.
 constexpr double kStepPitch_m = 0.001;
-/// A surface shorter than this in pixels of an octave has no corners there.
-constexpr double kMinEdge_px = 4;
 /// Contrast of the strongest, gray levels.
 constexpr double kMaxContrast = 90;
 /// How fast it changes with the direction, radians of a wave per unit of direction.
 constexpr double kContrastWaves = 12;
 /// Share of the contrast that flat corners keep, the mean of the others.
-constexpr double kFlatShare = 2 / std::numbers::pi;
-/// Flatter than this a surface shows nothing but its rim.
-constexpr double kMinRimCosine = 0.03;
+constexpr float kFlatShare = 2 / std::numbers::pi_v<float>;
 
 constexpr std::array<std::pair<int, int>, 4> kCorners = {{{0, 0}, {1, 0}, {1, 1}, {0, 1}}};
 
@@ -40,6 +36,7 @@ Eigen::Vector3d CornerWorld(const FeatureSurface& surface, size_t corner) {
 /// What meets in a vertex: how many surfaces' corners lie in each plane.
 struct Vertex {
   uint64_t id = 0;
+  uint32_t number = 0;
   std::vector<std::pair<Eigen::Vector3d, int>> planes;
 
   void Add(const Eigen::Vector3d& normal_world) {
@@ -67,17 +64,25 @@ TextureCorner LookOf(const FeatureSurface& surface, size_t corner, uint64_t id) 
   return look;
 }
 
-/// What stands behind a corner is as bright or dark as itself from some directions: a wave over the directions.
-double ContrastShare(uint64_t id, const Eigen::Vector3d& to_eye_world) {
-  Rng rng(id);
-  const Eigen::Vector3d wave(rng.Uniform(-1, 1), rng.Uniform(-1, 1), rng.Uniform(-1, 1));
-  const double phase = rng.Uniform(0, 2 * std::numbers::pi);
-  return std::abs(std::sin(kContrastWaves * wave.dot(to_eye_world) + phase));
+OutlineCorner MakeCorner(const FeatureSurface& surface, size_t corner, const Vertex& vertex) {
+  OutlineCorner made;
+  made.id = vertex.id;
+  made.number = vertex.number;
+  made.is_flat = vertex.planes.size() == 1;
+  made.look = LookOf(surface, corner, vertex.id);
+  if (made.is_flat) {
+    made.phase = std::asin(kFlatShare);
+    return made;
+  }
+  Rng rng(vertex.id);
+  for (float& along : made.wave) along = static_cast<float>(kContrastWaves * rng.Uniform(-1, 1));
+  made.phase = static_cast<float>(rng.Uniform(0, 2 * std::numbers::pi));
+  return made;
 }
 
 }  // namespace
 
-void FindOutlines(std::span<FeatureSurface> surfaces) {
+uint32_t FindOutlines(std::span<FeatureSurface> surfaces) {
   using Place = std::tuple<uint32_t, int64_t, int64_t, int64_t>;
   std::map<Place, Vertex> vertices;
   const auto place_of = [](const FeatureSurface& surface, size_t corner) {
@@ -87,44 +92,49 @@ void FindOutlines(std::span<FeatureSurface> surfaces) {
   for (const FeatureSurface& surface : surfaces) {
     for (size_t corner = 0; corner < kCorners.size(); ++corner) {
       Vertex& vertex = vertices[place_of(surface, corner)];
-      if (vertex.id == 0) vertex.id = Hash(surface.id, corner) | 1U;
+      if (vertex.id == 0) {
+        vertex.id = Hash(surface.id, corner) | 1U;
+        vertex.number = static_cast<uint32_t>(vertices.size() - 1);
+      }
       vertex.Add(surface.normal_world);
     }
   }
   for (FeatureSurface& surface : surfaces) {
     for (size_t corner = 0; corner < kCorners.size(); ++corner) {
       const Vertex& vertex = vertices[place_of(surface, corner)];
-      if (!vertex.IsCorner()) continue;
-      surface.outline[corner] = {vertex.id, vertex.planes.size() == 1, LookOf(surface, corner, vertex.id)};
+      if (vertex.IsCorner()) surface.outline[corner] = MakeCorner(surface, corner, vertex);
     }
   }
+  return static_cast<uint32_t>(vertices.size());
 }
 
 void FindOutlineCandidates(const FeatureSurface& surface, const FeatureView& view, double border_px,
-                           std::unordered_set<uint64_t>& seen, std::vector<FeatureCandidate>& candidates) {
-  const double height_m =
-      -(view.T_camera_world.rotation() * surface.normal_world).dot(view.T_camera_world * surface.corner_world);
+                           std::vector<bool>& seen, std::vector<FeatureCandidate>& candidates) {
+  const Eigen::Vector3d& eye_world = view.T_world_camera.translation();
+  const double height_m = surface.normal_world.dot(eye_world - surface.corner_world);
   const double edge_m = std::min(surface.length_u_m, surface.length_v_m);
+  const double farthest_m = std::min(edge_m * view.focal_px / kMinOutlineEdge_px, height_m / kMinRimCosine);
   for (size_t i = 0; i < kCorners.size(); ++i) {
     const OutlineCorner& corner = surface.outline[i];
-    if (corner.id == 0) continue;
-    const Eigen::Vector3d p_camera = view.T_camera_world * CornerWorld(surface, i);
+    if (corner.id == 0 || seen[corner.number]) continue;
+    const Eigen::Vector3d to_eye_world = eye_world - CornerWorld(surface, i);
+    const double distance_m = to_eye_world.norm();
+    if (distance_m > farthest_m) continue;
+    const Eigen::Vector3d p_camera = -(view.R_camera_world * to_eye_world);
     if (p_camera.z() < kNearest_m || !view.InPyramid(p_camera)) continue;
-    const double distance_m = p_camera.norm();
-    const double cosine = height_m / distance_m;
-    const double edge_px = edge_m * view.focal_px / distance_m;
-    if (cosine < kMinRimCosine || edge_px < kMinEdge_px || !seen.insert(corner.id).second) continue;
+    seen[corner.number] = true;
+    const auto along_wave = static_cast<float>(corner.wave.cast<double>().dot(to_eye_world) / distance_m);
     const Eigen::Vector2d fraction(kCorners[i].first, kCorners[i].second);
-    const Eigen::Vector3d to_eye_world = view.T_world_camera.rotation() * p_camera / -distance_m;
-    const double response = static_cast<double>(corner.look.response) * surface.Light(fraction) *
-                            (corner.is_flat ? kFlatShare : ContrastShare(corner.id, to_eye_world));
+    const double response = static_cast<double>(corner.look.response * std::abs(std::sin(along_wave + corner.phase))) *
+                            surface.Light(fraction);
     if (response < kMinResponse) continue;
     const Eigen::Vector2d pixel = view.camera.Project(p_camera);
+    const double edge_px = edge_m * view.focal_px / distance_m;
     const double size = std::log(distance_m / view.focal_px / kStepPitch_m) / kLogPyramidScale;
     const int size_step = static_cast<int>(std::lround(size));
     for (int octave = 0; octave < kPyramidLevels; ++octave) {
       const auto scale = static_cast<double>(OctaveScale(octave));
-      if (edge_px < kMinEdge_px * scale || !view.camera.Contains(pixel, border_px * scale)) break;
+      if (edge_px < kMinOutlineEdge_px * scale || !view.camera.Contains(pixel, border_px * scale)) break;
       FeatureCandidate& candidate = candidates.emplace_back();
       candidate.surface = &surface;
       candidate.corner = &corner.look;
@@ -136,7 +146,7 @@ void FindOutlineCandidates(const FeatureSurface& surface, const FeatureView& vie
       candidate.octave = octave;
       candidate.scale_misfit = size_step - size;
       candidate.size_step = size_step + octave;
-      candidate.view_cosine = std::max(cosine, kMinViewCosine);
+      candidate.view_cosine = std::max(height_m / distance_m, kMinViewCosine);
       candidate.response = response;
     }
   }

@@ -1,9 +1,12 @@
 #pragma once
 
 #include "mapp/feature/feature.h"
-#include "mapp/image/image.h"
+#include "sim/texture.h"
 
-#include <cstddef>
+#include <array>
+#include <cstdint>
+#include <memory>
+#include <mutex>
 #include <span>
 #include <vector>
 
@@ -18,28 +21,54 @@ struct TextureCorner {
   OrbDescriptor descriptor;
 };
 
-/// The corners of a picture at one size, in square cells.
-struct CornerLevel {
-  double pitch_texels = 1;  ///< edge of the pixels at which these are corners: kPyramidScale^level texels
-  double cell_texels = 1;
-  int columns = 0;
-  int rows = 0;
-  std::vector<size_t> cell_start;      ///< columns * rows + 1, row-major
-  std::vector<TextureCorner> corners;  ///< of each cell the strongest, strongest first
-
-  std::span<const TextureCorner> Cell(int column, int row) const;
+/// A picture as surfaces show it: a texture, perhaps mirrored, with square texels.
+struct TexturePicture {
+  std::shared_ptr<const Texture> texture;  ///< never null
+  bool flip_u = false;
+  double log_aspect = 0;  ///< of a texel's width to its height on the surface
 };
 
-/// What ORB finds in a picture seen from straight ahead, at each step of the feature pyramid from one texel a pixel
-/// down to a few pixels for all of it. A camera whose pixels (of some octave) are about as large as a level's sees that
-/// level's corners. The picture is taken to repeat beyond its borders, as textures do. Immutable, thread-safe.
-class TextureCorners {
+/// The corners of a picture at one size, in square cells. Found block by block when first asked for, always the same.
+/// Thread-safe.
+class CornerLevel {
  public:
   /// Of a cell of 64 x 64 pixels only so many can ever be among the 1000 features of an image.
   static constexpr int kMaxPerCell = 15;
 
-  /// `picture` must not be empty. Takes about 0.1 s for 2000 x 1000 texels.
-  explicit TextureCorners(const GrayImage& picture);
+  /// A pixel is `pitch_texels` wide and `width_px` x `height_px` of them are the picture.
+  CornerLevel(const TexturePicture& picture, double pitch_texels, int width_px, int height_px);
+
+  double pitch_texels() const { return pitch_texels_; }
+  double cell_texels() const;
+  int columns() const { return columns_; }
+  int rows() const { return rows_; }
+  /// Of the cell the strongest corners, strongest first. Takes a few milliseconds for the first cell of a block.
+  std::span<const TextureCorner> Cell(int column, int row) const;
+
+ private:
+  static constexpr int kBlockCells = 4;  ///< along an edge
+  struct Block {
+    std::once_flag once;
+    std::vector<TextureCorner> corners;
+    std::array<uint32_t, kBlockCells * kBlockCells + 1> cell_start{};
+  };
+
+  void Fill(int block_column, int block_row, Block& block) const;
+
+  TexturePicture picture_;
+  double pitch_texels_;
+  int width_px_, height_px_;
+  int columns_, rows_;
+  int block_columns_;
+  std::unique_ptr<Block[]> blocks_;
+};
+
+/// What ORB finds in a picture seen from straight ahead, at each step of the feature pyramid from one texel a pixel
+/// down to a few pixels for all of it. A camera whose pixels (of some octave) are about as large as a level's sees that
+/// level's corners. The picture is taken to repeat beyond its borders, as textures do. Thread-safe.
+class TextureCorners {
+ public:
+  explicit TextureCorners(const TexturePicture& picture);
 
   int width_texels() const { return width_texels_; }
   int height_texels() const { return height_texels_; }
