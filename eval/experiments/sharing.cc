@@ -94,8 +94,8 @@ Status AddSharingRows(EvalContext& context, const std::vector<std::string>& sett
 StatusOr<ExperimentResult> RunSharing(EvalContext& context) {
   ExperimentResult result;
   ResultTable table = SharingTable("sharing", "Devices where the map is known, with and without sharing");
-  const std::vector<std::string> settings = context.Chosen(
-      context.quick() ? std::vector<std::string>{"garage"} : std::vector<std::string>{"garage", "plaza"});
+  std::vector<std::string> settings = context.Chosen({"garage", "plaza"});
+  if (context.quick()) settings.resize(1);
   MAPP_RETURN_IF_ERROR(AddSharingRows(context, settings, {"no_sharing", "depth_sketch"}, table, result.setup));
   result.tables.push_back(std::move(table));
   result.paper =
