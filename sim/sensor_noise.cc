@@ -4,7 +4,6 @@
 
 #include <algorithm>
 #include <array>
-#include <cmath>
 #include <utility>
 #include <vector>
 
@@ -62,19 +61,6 @@ void ApplyGain(double gain, RenderedFrame& frame) {
   for (auto& color : frame.color.pixels) {
     for (uint8_t& level : color) level = exposed[level];
   }
-}
-
-void AutoExposure::Expose(int64_t stamp_ns, RenderedFrame& frame) {
-  double sum = 0;
-  for (const uint8_t level : frame.gray.pixels) sum += level;
-  const double mean = std::max(sum / static_cast<double>(frame.gray.pixels.size()), 1.0);
-  const double wanted = std::clamp(options_.target_level / mean, options_.min_gain, options_.max_gain);
-  const bool is_first = gain_ == 0;
-  if (is_first) gain_ = wanted;
-  ApplyGain(gain_, frame);
-  const double elapsed_s = is_first ? 0 : 1e-9 * static_cast<double>(stamp_ns - last_stamp_ns_);
-  gain_ = wanted + (gain_ - wanted) * std::exp(-std::max(elapsed_s, 0.0) / options_.delay_s);
-  last_stamp_ns_ = stamp_ns;
 }
 
 StatusOr<RenderedFrame> RenderWithMotionBlur(const Renderer& renderer, const Camera& camera,

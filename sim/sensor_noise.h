@@ -24,29 +24,6 @@ void AddSensorNoise(const SensorNoise& noise, uint64_t seed, RenderedFrame& fram
 /// Multiplies gray and colour, as a longer exposure would; what becomes brighter than 255 is white. `gain` >= 0.
 void ApplyGain(double gain, RenderedFrame& frame);
 
-/// A camera's automatic exposure: follows the brightness of what it sees, with delay. One object a camera; frames in
-/// the order of their times.
-class AutoExposure {
- public:
-  struct Options {
-    double target_level = 110;  ///< mean gray level aimed at, (0, 255)
-    double delay_s = 0.4;       ///< time in which a difference shrinks to 1/e, > 0
-    double min_gain = 0.25;
-    double max_gain = 4;
-  };
-  explicit AutoExposure(const Options& options) : options_(options) {}
-
-  /// Exposes the frame (gain 1) with what was learnt from those before it, then learns from it. The first frame is
-  /// exposed as it should be.
-  void Expose(int64_t stamp_ns, RenderedFrame& frame);
-  double gain() const { return gain_; }
-
- private:
-  const Options options_;
-  double gain_ = 0;  ///< 0: no frame yet
-  int64_t last_stamp_ns_ = 0;
-};
-
 /// A frame blurred by motion: the mean of the gray levels and colours seen from `T_world_camera`, the poses at evenly
 /// spaced times while the shutter is open, at least one. Depth is that of the middle pose: depth cameras expose for
 /// less time. Errors as Renderer::Render(); INVALID_ARGUMENT without a pose.

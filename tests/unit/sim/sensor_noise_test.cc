@@ -76,22 +76,6 @@ TEST(ExposureTest, GainMultipliesAndSaturates) {
   EXPECT_EQ(frame.depth_m.at(0, 0), 2.0F);
 }
 
-TEST(ExposureTest, AutomaticExposureFollowsTheBrightnessWithDelay) {
-  AutoExposure exposure({.target_level = 100, .delay_s = 0.5});
-  const auto expose = [&](double time_s, uint8_t level) {
-    RenderedFrame frame = Plain(level, 1.0F);
-    exposure.Expose(static_cast<int64_t>(time_s * 1e9), frame);
-    return int{frame.gray.at(0, 0)};
-  };
-  EXPECT_EQ(expose(0, 50), 100) << "the first frame is exposed well";
-  EXPECT_EQ(expose(1, 100), 200) << "a light goes on: too bright at first";
-  EXPECT_NEAR(exposure.gain(), 1 + std::exp(-2), 1e-9);
-  EXPECT_EQ(expose(9, 100), 114);
-  EXPECT_EQ(expose(10, 100), 100);
-  EXPECT_EQ(expose(20, 4), 4);
-  EXPECT_NEAR(exposure.gain(), 4, 1e-6) << "not 25: the gain is bounded";
-}
-
 TEST(MotionBlurTest, AveragesLevelsOverThePosesAndKeepsTheMiddleDepth) {
   // The right half of a wall is white; the camera turns past its edge.
   auto scene = std::make_shared<Scene>();
