@@ -94,21 +94,6 @@ bool DepthAgrees(const QueryKeyframe& query, int feature_idx, const Eigen::Vecto
   return depth_m <= 0 || std::abs(p_camera.z() - depth_m) < PointTolerance(depth_m);
 }
 
-/// What the camera should see again: points met at about this angle before, whose descriptors should still be alike.
-std::vector<ExpectedPoint> Expect(const QueryKeyframe& query, std::span<const PointRecord> points,
-                                  const Pose3& T_map_camera) {
-  const Pose3 T_camera_map = T_map_camera.Inverse();
-  std::vector<ExpectedPoint> expected;
-  for (const Candidate& candidate : ProjectVisible(query, points, T_map_camera, kFinalRadiusPx)) {
-    const PointRecord& point = points[static_cast<size_t>(candidate.point_idx)];
-    const Eigen::Vector3d ray_map = point.position - T_map_camera.translation();
-    if (ray_map.dot(point.view_direction.cast<double>()) < kAlikeCosine * ray_map.norm()) continue;
-    const Eigen::Vector3d p_camera = T_camera_map * point.position;
-    expected.push_back({{candidate.projected.u_px, candidate.projected.v_px}, static_cast<float>(p_camera.z())});
-  }
-  return expected;
-}
-
 ProjectionAlignment Summarize(const QueryKeyframe& query, std::span<const PointRecord> points,
                               const std::vector<GuidedMatch>& matches, const PoseResult& pose) {
   ProjectionAlignment alignment;
@@ -125,7 +110,7 @@ ProjectionAlignment Summarize(const QueryKeyframe& query, std::span<const PointR
     cells.set(static_cast<size_t>(AgreementCell(query, match.feature_idx)));
   }
   alignment.num_cells = static_cast<int>(cells.count());
-  alignment.agreement = CompareWithView(query, Expect(query, points, pose.T_world_camera), alignment.inliers);
+  alignment.agreement = CompareWithView(query, ExpectedPoints(query, points, pose.T_world_camera), alignment.inliers);
   return alignment;
 }
 
@@ -173,6 +158,20 @@ std::optional<Eigen::Vector3d> QueryKeyframe::PointInCamera(int feature_idx) con
   const double depth = depth_m(feature_idx);
   if (depth <= 0) return std::nullopt;
   return depth * view_->pinhole.Unproject(view_->undistorted_px[feature_idx]);
+}
+
+std::vector<ExpectedPoint> ExpectedPoints(const QueryKeyframe& query, std::span<const PointRecord> points,
+                                          const Pose3& T_map_camera) {
+  const Pose3 T_camera_map = T_map_camera.Inverse();
+  std::vector<ExpectedPoint> expected;
+  for (const Candidate& candidate : ProjectVisible(query, points, T_map_camera, kFinalRadiusPx)) {
+    const PointRecord& point = points[static_cast<size_t>(candidate.point_idx)];
+    const Eigen::Vector3d ray_map = point.position - T_map_camera.translation();
+    if (ray_map.dot(point.view_direction.cast<double>()) < kAlikeCosine * ray_map.norm()) continue;
+    const Eigen::Vector3d p_camera = T_camera_map * point.position;
+    expected.push_back({{candidate.projected.u_px, candidate.projected.v_px}, static_cast<float>(p_camera.z())});
+  }
+  return expected;
 }
 
 double PointTolerance(double depth_m) { return std::max(0.08, 0.04 * depth_m); }

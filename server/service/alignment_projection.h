@@ -59,6 +59,11 @@ struct ProjectionAlignment {
 std::optional<ProjectionAlignment> AlignByProjection(const QueryKeyframe& query, std::span<const PointRecord> points,
                                                      const Pose3& T_map_camera);
 
+/// What the camera should see again: points of the map met at about this angle before, whose descriptors should still
+/// be alike; those behind something nearer included.
+std::vector<ExpectedPoint> ExpectedPoints(const QueryKeyframe& query, std::span<const PointRecord> points,
+                                          const Pose3& T_map_camera);
+
 /// Live map points seen by the frames of the map that look at about the same place as a camera at `T_map_camera`:
 /// the nearest such frames, a bounded number of them.
 StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, const Pose3& T_map_camera);

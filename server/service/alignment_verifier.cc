@@ -115,10 +115,8 @@ StatusOr<std::optional<Pose3>> EstimateFromMatches(MapReader& reader, const Quer
 
 bool IsSupported(const ProjectionAlignment& alignment, const RegistrarOptions& options) {
   const auto num_inliers = static_cast<double>(alignment.inliers.size());
-  const ViewAgreement& view = alignment.agreement;
   return num_inliers >= options.min_inliers && num_inliers >= options.min_inlier_ratio * alignment.num_offered &&
-         alignment.num_cells >= options.min_inlier_cells &&
-         view.num_contradicting <= std::max(options.max_contradicting_cells, view.num_agreeing);
+         alignment.num_cells >= options.min_inlier_cells && Tolerates(options, alignment.agreement);
 }
 
 /// The best of the tried alignments, if it is good enough and no other place rivals it.

@@ -5,6 +5,7 @@
 #include "server/service/serial_worker.h"
 #include "server/service/session_events.h"
 #include "server/service/step_times.h"
+#include "server/service/way_check.h"
 #include "vision/place_index.h"
 
 #include <algorithm>
@@ -147,8 +148,11 @@ Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecor
   const Stopwatch stopwatch;
   MAPP_ASSIGN_OR_RETURN(AlignmentConsensus* const consensus, ConsensusOf(reader, frame, state));
   MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, frame, state.index, *consensus));
-  const std::optional<Pose3> T_map_session = consensus->Decide();
-  const Status merged = T_map_session ? Merge(reader, frame, *T_map_session, state) : absl::OkStatus();
+  Status merged;
+  if (const std::optional<Pose3> T_map_session = consensus->Decide()) {
+    MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, frame, *T_map_session));
+    if (Tolerates(options, way)) merged = Merge(reader, frame, *T_map_session, state);
+  }
   if (options.step_times != nullptr) options.step_times->Add(ServiceStep::kAlignment, stopwatch.Elapsed());
   // After the merge: who waits for the comparison of a keyframe then knows what came of it.
   events.Publish(frame.session, tried);

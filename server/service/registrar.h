@@ -2,7 +2,9 @@
 
 #include "mapp/base/id.h"
 #include "mapp/base/status.h"
+#include "server/service/view_agreement.h"
 
+#include <algorithm>
 #include <functional>
 #include <memory>
 
@@ -36,6 +38,11 @@ struct RegistrarOptions {
   /// Told how long each run took. Borrowed; may be null.
   StepTimes* step_times = nullptr;
 };
+
+/// Whether the cells that contradict are few enough for the others.
+inline bool Tolerates(const RegistrarOptions& options, const ViewAgreement& agreement) {
+  return agreement.num_contradicting <= std::max(options.max_contradicting_cells, agreement.num_agreeing);
+}
 
 /// Place recognition, alignment and merging of fragments (DESIGN 7), in a thread of its own.
 /// Thread-safe. Publishes AlignmentTried for every keyframe of a fragment, and SessionAligned.

@@ -1,8 +1,8 @@
 #include "eval/metrics/trajectory_metrics.h"
 #include "server/service/optimizer.h"
 #include "server/service/registrar.h"
-#include "tests/unit/server/registration/map_fixture.h"
 #include "tests/support/recorded_walk.h"
+#include "tests/unit/server/registration/map_fixture.h"
 
 #include <gtest/gtest.h>
 

@@ -114,6 +114,25 @@ TEST_F(RegistrarTest, AnEqualPanelInAnotherPlaceIsNotThatPlace) {
   EXPECT_FALSE(fixture_.Session(session).T_map_session);
 }
 
+TEST_F(RegistrarTest, AnEqualWallIsNotThatPlaceWhenTheWayToItWasAnother) {
+  FoundMap();
+  const SyntheticRoom elsewhere(2, room_, -3);
+  const SessionId session = OpenSession(/*founder=*/false);
+  EventLog log(fixture_, session);
+  // Turns towards the wall, and then sees nothing else.
+  std::vector<Pose3> poses = SyntheticRoom::Circle(0.8, -3.24, 0.36, 9);
+  for (const double heading : {-0.1, -0.05, 0.0, 0.05, 0.1}) {
+    poses.push_back(SyntheticRoom::Stand(heading, 0.9, heading));
+  }
+  Walk(elsewhere, session, poses);
+
+  const auto tried = log.WaitFor<AlignmentTried>(poses.size() - 1);
+  ASSERT_TRUE(tried);
+  EXPECT_GT(tried->num_inliers, 100U) << "the wall itself matches well";
+  EXPECT_GE(tried->num_consistent, 3U);
+  EXPECT_EQ(log.Count<SessionAligned>(), 0U);
+}
+
 TEST_F(RegistrarTest, WaitsForKeyframesThatAgree) {
   FoundMap();
   const SessionId session = OpenSession(/*founder=*/false);

@@ -49,13 +49,12 @@ SyntheticRoom::SyntheticRoom(uint64_t seed) {
   }
 }
 
-SyntheticRoom::SyntheticRoom(uint64_t seed, const SyntheticRoom& twin) : SyntheticRoom(seed) {
-  std::erase_if(landmarks_, IsOnSharedPanel);
-  std::ranges::copy_if(twin.landmarks_, std::back_inserter(landmarks_), IsOnSharedPanel);
-}
-
-bool SyntheticRoom::IsOnSharedPanel(const Landmark& landmark) {
-  return landmark.normal.z() < 0 && landmark.p_world.x() > 0.4;
+SyntheticRoom::SyntheticRoom(uint64_t seed, const SyntheticRoom& twin, double panel_from_m) : SyntheticRoom(seed) {
+  const auto is_on_panel = [&](const Landmark& landmark) {
+    return landmark.normal.z() < 0 && landmark.p_world.x() > panel_from_m;
+  };
+  std::erase_if(landmarks_, is_on_panel);
+  std::ranges::copy_if(twin.landmarks_, std::back_inserter(landmarks_), is_on_panel);
 }
 
 Camera SyntheticRoom::DeviceCamera() {

@@ -19,8 +19,8 @@ class SyntheticRoom {
  public:
   /// Rooms of different seeds have nothing in common.
   explicit SyntheticRoom(uint64_t seed);
-  /// A room of its own, but for the part x > 0.4 m of its +z wall, which is that of `twin`: an equal panel.
-  SyntheticRoom(uint64_t seed, const SyntheticRoom& twin);
+  /// A room of its own, but for the part x > `panel_from_m` of its +z wall, which is that of `twin`: an equal panel.
+  SyntheticRoom(uint64_t seed, const SyntheticRoom& twin, double panel_from_m = 0.4);
 
   static Camera DeviceCamera();
   /// Upright camera at (x, 0, z) looking along the horizontal direction `heading` radians from +z towards +x.
@@ -41,7 +41,6 @@ class SyntheticRoom {
     float angle;
     OrbDescriptor descriptor;
   };
-  static bool IsOnSharedPanel(const Landmark& landmark);
 
   std::vector<Landmark> landmarks_;
 };

@@ -1,0 +1,62 @@
+#include "server/service/way_check.h"
+
+#include "server/service/alignment_projection.h"
+#include "server/service/frame_view.h"
+
+#include <algorithm>
+#include <numbers>
+#include <vector>
+
+namespace mapp {
+namespace {
+
+/// Keyframes are looked at that differ from the last one by at least one of these ...
+constexpr double kStepM = 0.7;
+constexpr double kStepRad = 20.0 * std::numbers::pi / 180.0;
+/// ... and not more of them: further back, drift of the session's odometry would pass for a contradiction.
+constexpr size_t kMaxViews = 16;
+/// How far odometry may have drifted over such a way. A view that matches elsewhere does not speak for this pose.
+constexpr double kMaxDriftM = 0.3;
+constexpr double kMaxDriftRad = 3.0 * std::numbers::pi / 180.0;
+
+/// The fragment's keyframes from `newest` back, some steps apart.
+std::vector<FrameRecord> WayBack(std::vector<FrameRecord> frames, const FrameRecord& newest) {
+  std::erase_if(frames, [&](const FrameRecord& frame) { return frame.number > newest.number; });
+  std::sort(frames.begin(), frames.end(), [](const auto& a, const auto& b) { return a.number > b.number; });
+  std::vector<FrameRecord> way;
+  for (FrameRecord& frame : frames) {
+    if (way.size() == kMaxViews) break;
+    const bool is_step = way.empty() || Distance(way.back().T_frame_camera, frame.T_frame_camera) > kStepM ||
+                         RotationAngle(way.back().T_frame_camera, frame.T_frame_camera) > kStepRad;
+    if (is_step) way.push_back(std::move(frame));
+  }
+  return way;
+}
+
+ViewAgreement CompareOne(const QueryKeyframe& query, const std::vector<PointRecord>& points,
+                         const Pose3& T_map_camera) {
+  const std::optional<ProjectionAlignment> refined = AlignByProjection(query, points, T_map_camera);
+  if (refined && Distance(refined->T_map_camera, T_map_camera) < kMaxDriftM &&
+      RotationAngle(refined->T_map_camera, T_map_camera) < kMaxDriftRad) {
+    return refined->agreement;
+  }
+  return CompareWithView(query, ExpectedPoints(query, points, T_map_camera), {});
+}
+
+}  // namespace
+
+StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& newest, const Pose3& T_map_session) {
+  MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> frames, reader.ListFrames(newest.map, newest.session));
+  ViewAgreement sum;
+  for (const FrameRecord& frame : WayBack(std::move(frames), newest)) {
+    MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
+    const Pose3 T_map_camera = T_map_session * frame.T_frame_camera;
+    MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points, PointsSeenNear(reader, newest.map, T_map_camera));
+    const ViewAgreement agreement = CompareOne(QueryKeyframe(view), points, T_map_camera);
+    sum.num_agreeing += agreement.num_agreeing;
+    sum.num_contradicting += agreement.num_contradicting;
+  }
+  return sum;
+}
+
+}  // namespace mapp

@@ -1,0 +1,18 @@
+#pragma once
+
+#include "mapp/base/status.h"
+#include "mapp/geometry/pose3.h"
+#include "server/service/view_agreement.h"
+#include "storage/records.h"
+
+namespace mapp {
+
+class MapReader;
+
+/// Compares the latest part of a fragment's way with the map, were the session to lie at `T_map_session`: cells that
+/// agree and that contradict (view_agreement.h), summed over some keyframes up to `newest`. A view of one thing that
+/// stands in two places says nothing about which of them it is; what was on the way to it does. Views of ground that
+/// the map does not hold say nothing either. Errors are the reader's.
+StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& newest, const Pose3& T_map_session);
+
+}  // namespace mapp
