@@ -33,7 +33,7 @@ NetworkWorker::NetworkWorker(MapClient& client, SessionProgress& progress, SlamA
       options_(options),
       session_(session),
       camera_(camera),
-      tiles_(session.tile_edge_m, kMaxHeldTiles),
+      tiles_(session.tile_edge_m, kMaxHeldTiles, camera),
       rng_(session.id.value()) {}
 
 void NetworkWorker::Run() {

@@ -6,13 +6,13 @@
 namespace mapp {
 namespace {
 
-SharedPoint ToSharedPoint(const TilePoint& point, const Pose3& T_session_map) {
+SharedPoint ToSharedPoint(const TilePoint& point, const Pose3& T_session_map, double focal_px) {
   const Eigen::Vector3d direction = T_session_map.rotation() * point.view_direction.cast<double>();
   return {.id = point.id,
           .p_session = T_session_map * point.p_map.cast<double>(),
           .view_direction_session = direction.cast<float>(),
           .descriptor = point.descriptor,
-          .reference_distance_m = point.reference_distance_m,
+          .reference_distance_m = ReferenceFor(focal_px, point.reference_distance_m),
           .num_observations = point.num_observations};
 }
 
@@ -49,7 +49,8 @@ std::shared_ptr<const SharedMap> SharedTiles::MapInView(const ViewCone& cone, co
   for (const TileKey& key : TilesInView(cone, grid_)) {
     const auto found = tiles_.find(key);
     if (found == tiles_.end()) continue;
-    for (const TilePoint& point : found->second.points) map->points.push_back(ToSharedPoint(point, T_session_map));
+    for (const TilePoint& point : found->second.points)
+      map->points.push_back(ToSharedPoint(point, T_session_map, focal_px_));
   }
   return map;
 }

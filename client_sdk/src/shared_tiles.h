@@ -15,7 +15,8 @@ namespace mapp {
 class SharedTiles {
  public:
   /// Beyond `max_tiles` those farthest from the latest view are dropped.
-  SharedTiles(double tile_edge_m, size_t max_tiles) : grid_{.edge_m = tile_edge_m}, max_tiles_(max_tiles) {}
+  SharedTiles(double tile_edge_m, size_t max_tiles, const Camera& camera)
+      : grid_{.edge_m = tile_edge_m}, max_tiles_(max_tiles), focal_px_(camera.MeanFocalPx()) {}
 
   std::vector<ClientHeldTile> Held() const;
   /// Drops what is older than the revision that changed it. Tiles that are still there come anew with the next request;
@@ -23,7 +24,8 @@ class SharedTiles {
   void Forget(const std::map<TileKey, Revision>& changed);
   /// Newly received tiles, which replace older ones.
   void Put(std::vector<Tile> tiles);
-  /// All points of the tiles that may meet the cone, moved to the session's frame.
+  /// All points of the tiles that may meet the cone, as the device has them: in the session's frame, with reference
+  /// distances of its camera.
   std::shared_ptr<const SharedMap> MapInView(const ViewCone& cone, const Pose3& T_map_session, uint32_t number);
 
  private:
@@ -31,6 +33,7 @@ class SharedTiles {
 
   const TileGrid grid_;
   const size_t max_tiles_;
+  const double focal_px_;  ///< of the device, whose distances the points are told for
   std::map<TileKey, Tile> tiles_;
 };
 

@@ -36,6 +36,7 @@ std::vector<Candidate> ProjectVisible(const QueryKeyframe& query, std::span<cons
                                       const Pose3& T_map_camera, double radius_px) {
   const Pose3 T_camera_map = T_map_camera.Inverse();
   const FrameView& view = query.view();
+  const double focal_px = view.camera.MeanFocalPx();
   std::vector<Candidate> visible;
   for (size_t i = 0; i < points.size(); ++i) {
     const PointRecord& point = points[i];
@@ -46,7 +47,8 @@ std::vector<Candidate> ProjectVisible(const QueryKeyframe& query, std::span<cons
     const Eigen::Vector3d ray_map = point.position - T_map_camera.translation();
     const double distance_m = ray_map.norm();
     if (ray_map.dot(point.view_direction.cast<double>()) < kMinViewCosine * distance_m) continue;
-    const int octave = PredictOctave(point.reference_distance_m, static_cast<float>(distance_m));
+    const int octave =
+        PredictOctave(ReferenceFor(focal_px, point.reference_distance_m), static_cast<float>(distance_m));
     visible.push_back({.point_idx = static_cast<int>(i),
                        .projected = {.u_px = static_cast<float>(pixel.x()),
                                      .v_px = static_cast<float>(pixel.y()),

@@ -23,6 +23,7 @@ class Projector {
   Projector(const MapView& view, const AssociationOptions& options)
       : camera_(view.camera),
         pinhole_(view.camera.Undistorted()),
+        focal_px_(view.camera.MeanFocalPx()),
         T_camera_map_(view.T_map_camera.Inverse()),
         center_(view.T_map_camera.translation().cast<float>()),
         cos_max_angle_(static_cast<float>(std::cos(options.max_view_angle_deg * std::numbers::pi / 180))),
@@ -38,7 +39,8 @@ class Projector {
     if (!camera_.Contains(pixel)) return std::nullopt;
     *depth_m = p_camera.z();
     return ProjectedPoint{static_cast<float>(pixel.x()), static_cast<float>(pixel.y()), radius_px_,
-                          PredictOctave(point.reference_distance_m, distance_m), point.descriptor};
+                          PredictOctave(ReferenceFor(focal_px_, point.reference_distance_m), distance_m),
+                          point.descriptor};
   }
 
  private:
@@ -49,6 +51,7 @@ class Projector {
 
   const Camera& camera_;
   PinholeCamera pinhole_;
+  double focal_px_;
   Pose3 T_camera_map_;
   Eigen::Vector3f center_;
   float cos_max_angle_;

@@ -136,8 +136,7 @@ class KeyframeWriter {
     point.in_map = input_.in_map;
     point.position = RebuildPoint(input_.camera, input_.T_frame_camera, feature.keypoint,
                                   static_cast<double>(feature.point->depth_m));
-    InitPointStats(point, frame_, CameraCenter(), feature.keypoint, feature.descriptor,
-                   feature.point->num_observations);
+    InitPointStats(point, SightingOf(feature), feature.descriptor, feature.point->num_observations);
     return point;
   }
 
@@ -156,7 +155,7 @@ class KeyframeWriter {
   Status Observe(size_t feature_idx, PointRecord& point) {
     if (observed_.contains(point.id)) return absl::OkStatus();
     MAPP_ASSIGN_OR_RETURN(const std::vector<Eigen::Vector3d> centers, CentersOf(point.observers));
-    AddObservation(point, frame_, CameraCenter(), FeatureAt(feature_idx).keypoint, centers);
+    AddObservation(point, SightingOf(FeatureAt(feature_idx)), centers);
     MAPP_RETURN_IF_ERROR(writer_.TouchPoint(point));
     AddRow(feature_idx, point);
     return absl::OkStatus();
@@ -170,7 +169,12 @@ class KeyframeWriter {
     changes_[key].upserted.push_back(point);
   }
 
-  Eigen::Vector3d CameraCenter() const { return input_.T_frame_camera.translation(); }
+  Sighting SightingOf(const KeyframeFeature& feature) const {
+    return {.frame = frame_,
+            .camera_center = input_.T_frame_camera.translation(),
+            .focal_px = input_.camera.MeanFocalPx(),
+            .octave = feature.keypoint.octave};
+  }
 
   StatusOr<std::vector<Eigen::Vector3d>> CentersOf(std::span<const FrameId> frames) {
     std::vector<Eigen::Vector3d> centers;

@@ -98,8 +98,11 @@ StatusOr<std::vector<Eigen::Vector3d>> FragmentMerge::ObserverCenters(MapWriter&
 
 Status FragmentMerge::ObserveTarget(MapWriter& writer, const FrameView& view, int feature_idx, PointRecord& target) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<Eigen::Vector3d> observer_centers, ObserverCenters(writer, target));
-  AddObservation(target, view.record.id, centers_.at(view.record.id), view.keyframe.features[feature_idx].keypoint,
-                 observer_centers);
+  const Sighting sighting{.frame = view.record.id,
+                          .camera_center = centers_.at(view.record.id),
+                          .focal_px = view.camera.MeanFocalPx(),
+                          .octave = view.keyframe.features[feature_idx].keypoint.octave};
+  AddObservation(target, sighting, observer_centers);
   return absl::OkStatus();
 }
 

@@ -7,9 +7,10 @@
 namespace mapp {
 namespace {
 
-/// Distance at which a feature seen at `keypoint.octave` from `distance_m` would be detected at octave 0.
-float ReferenceDistance(double distance_m, const Keypoint& keypoint) {
-  return static_cast<float>(distance_m) * OctaveScale(keypoint.octave);
+/// As TilePoint::reference_distance_m.
+float ReferenceDistance(const PointRecord& point, const Sighting& sighting) {
+  const double distance_m = (point.position - sighting.camera_center).norm();
+  return static_cast<float>(distance_m * kReferenceFocalPx / sighting.focal_px) * OctaveScale(sighting.octave);
 }
 
 Eigen::Vector3d Direction(const Eigen::Vector3d& from, const Eigen::Vector3d& to) { return (to - from).normalized(); }
@@ -31,15 +32,14 @@ size_t MostRedundant(std::span<const Eigen::Vector3d> directions) {
   return redundant;
 }
 
-void AddObserver(PointRecord& point, FrameId frame, const Eigen::Vector3d& camera_center,
-                 std::span<const Eigen::Vector3d> observer_centers) {
-  if (std::find(point.observers.begin(), point.observers.end(), frame) != point.observers.end()) return;
-  point.observers.push_back(frame);
+void AddObserver(PointRecord& point, const Sighting& sighting, std::span<const Eigen::Vector3d> observer_centers) {
+  if (std::ranges::count(point.observers, sighting.frame) > 0) return;
+  point.observers.push_back(sighting.frame);
   if (point.observers.size() <= TilePoint::kMaxObservers) return;
 
   std::vector<Eigen::Vector3d> directions;
   for (const Eigen::Vector3d& center : observer_centers) directions.push_back(Direction(center, point.position));
-  directions.push_back(Direction(camera_center, point.position));
+  directions.push_back(Direction(sighting.camera_center, point.position));
   point.observers.erase(point.observers.begin() + static_cast<std::ptrdiff_t>(MostRedundant(directions)));
 }
 
@@ -50,26 +50,25 @@ Eigen::Vector3d RebuildPoint(const Camera& camera, const Pose3& T_frame_camera, 
   return T_frame_camera * (depth_m * camera.Unproject({keypoint.u_px, keypoint.v_px}));
 }
 
-void InitPointStats(PointRecord& point, FrameId frame, const Eigen::Vector3d& camera_center, const Keypoint& keypoint,
-                    const OrbDescriptor& descriptor, uint32_t num_observations) {
-  point.view_direction = Direction(camera_center, point.position).cast<float>();
+void InitPointStats(PointRecord& point, const Sighting& sighting, const OrbDescriptor& descriptor,
+                    uint32_t num_observations) {
+  point.view_direction = Direction(sighting.camera_center, point.position).cast<float>();
   point.descriptor = descriptor;
-  point.reference_distance_m = ReferenceDistance((point.position - camera_center).norm(), keypoint);
+  point.reference_distance_m = ReferenceDistance(point, sighting);
   point.num_observations = num_observations;
-  point.observers = {frame};
+  point.observers = {sighting.frame};
 }
 
-void AddObservation(PointRecord& point, FrameId frame, const Eigen::Vector3d& camera_center, const Keypoint& keypoint,
-                    std::span<const Eigen::Vector3d> observer_centers) {
+void AddObservation(PointRecord& point, const Sighting& sighting, std::span<const Eigen::Vector3d> observer_centers) {
   const float weight = 1.0F / static_cast<float>(point.num_observations + 1);
-  const Eigen::Vector3f direction = Direction(camera_center, point.position).cast<float>();
+  const Eigen::Vector3f direction = Direction(sighting.camera_center, point.position).cast<float>();
   const Eigen::Vector3f mean = (1 - weight) * point.view_direction + weight * direction;
   // Two opposite views cancel out; the mean then says nothing and the old one stays.
   if (mean.norm() > 1e-3F) point.view_direction = mean.normalized();
-  const float reference_m = ReferenceDistance((point.position - camera_center).norm(), keypoint);
+  const float reference_m = ReferenceDistance(point, sighting);
   point.reference_distance_m += weight * (reference_m - point.reference_distance_m);
   ++point.num_observations;
-  AddObserver(point, frame, camera_center, observer_centers);
+  AddObserver(point, sighting, observer_centers);
 }
 
 }  // namespace mapp

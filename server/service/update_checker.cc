@@ -138,9 +138,10 @@ class Comparison {
   void JudgeMapPoints(const MapView& view, const OwnGeometry& own, const ViewSearch& search) {
     const Pose3 T_camera_map = view.T_map_camera.Inverse();
     const Eigen::Vector3f center = view.T_map_camera.translation().cast<float>();
+    const double focal_px = view.camera.MeanFocalPx();
     for (const auto& tile : search.tiles()) {
       tile->ForEachPoint([&](const LoadedPoint& point) {
-        if (point.confidence < options_.min_confidence || !IsSeenAlike(point, center)) return;
+        if (point.confidence < options_.min_confidence || !IsSeenAlike(point, center, focal_px)) return;
         const Eigen::Vector3d p_camera = T_camera_map * point.p_map.cast<double>();
         if (p_camera.z() <= 0 || p_camera.z() > view.range_m || !InImage(view.camera, p_camera)) return;
         Judge(point, p_camera.cast<float>(), own);
@@ -157,11 +158,12 @@ class Comparison {
   }
 
   /// From a like direction, and from where the detector's pyramid reaches it.
-  static bool IsSeenAlike(const LoadedPoint& point, const Eigen::Vector3f& center) {
+  static bool IsSeenAlike(const LoadedPoint& point, const Eigen::Vector3f& center, double focal_px) {
     const Eigen::Vector3f ray = point.p_map - center;
     const float distance_m = ray.norm();
-    const float nearest_m = point.reference_distance_m / OctaveScale(kPyramidLevels - 1);
-    if (distance_m < nearest_m || distance_m > point.reference_distance_m * kPyramidScale) return false;
+    const float farthest_m = ReferenceFor(focal_px, point.reference_distance_m);
+    const float nearest_m = farthest_m / OctaveScale(kPyramidLevels - 1);
+    if (distance_m < nearest_m || distance_m > farthest_m * kPyramidScale) return false;
     const auto least_dot = static_cast<float>(std::cos(kLikeViewAngle)) * distance_m;
     for (uint32_t i = 0; i < point.num_observers; ++i) {
       if (point.observer_directions[i].dot(ray) >= least_dot) return true;

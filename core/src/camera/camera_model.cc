@@ -88,6 +88,8 @@ Eigen::Vector2d Camera::FocalLengths() const {
   return std::visit([](const auto& model) { return Eigen::Vector2d(model.fx, model.fy); }, projection);
 }
 
+double Camera::MeanFocalPx() const { return std::sqrt(FocalLengths().prod()); }
+
 Eigen::Vector2d Camera::PrincipalPoint() const {
   return std::visit([](const auto& model) { return Eigen::Vector2d(model.cx, model.cy); }, projection);
 }

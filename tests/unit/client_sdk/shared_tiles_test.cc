@@ -22,7 +22,7 @@ Tile TileAt(int32_t x, Revision revision) {
 }
 
 TEST(SharedTilesTest, PointsComeInTheSessionsFrame) {
-  SharedTiles tiles(kDefaultTileEdgeM, 10);
+  SharedTiles tiles(kDefaultTileEdgeM, 10, TestCamera());
   const Tile tile = TestTile(Revision(3), 5);
   tiles.Put({tile});
   const Pose3 T_map_session(Eigen::Quaterniond(Eigen::AngleAxisd(0.5, Eigen::Vector3d::UnitY())), {1, 2, 3});
@@ -35,18 +35,20 @@ TEST(SharedTilesTest, PointsComeInTheSessionsFrame) {
     EXPECT_LT((T_map_session * point.p_session - tile.points[i].p_map.cast<double>()).norm(), 1e-6);
     const Eigen::Vector3d direction_map = T_map_session.rotation() * point.view_direction_session.cast<double>();
     EXPECT_LT((direction_map - tile.points[i].view_direction.cast<double>()).norm(), 1e-6);
+    EXPECT_FLOAT_EQ(point.reference_distance_m,
+                    ReferenceFor(TestCamera().MeanFocalPx(), tile.points[i].reference_distance_m));
   }
 }
 
 TEST(SharedTilesTest, TilesBehindTheCameraAreLeftOut) {
-  SharedTiles tiles(kDefaultTileEdgeM, 10);
+  SharedTiles tiles(kDefaultTileEdgeM, 10, TestCamera());
   tiles.Put({TestTile(Revision(1), 5)});
   const Pose3 looking_away(Eigen::Quaterniond(0, 1, 0, 0), {4, 4, -4});
   EXPECT_THAT(tiles.MapInView(ConeAt(looking_away), Pose3(), 1)->points, SizeIs(0));
 }
 
 TEST(SharedTilesTest, NewerTilesReplaceOlderOnes) {
-  SharedTiles tiles(kDefaultTileEdgeM, 10);
+  SharedTiles tiles(kDefaultTileEdgeM, 10, TestCamera());
   tiles.Put({TestTile(Revision(1), 5)});
   tiles.Put({TestTile(Revision(2), 7)});
   ASSERT_THAT(tiles.Held(), SizeIs(1));
@@ -55,7 +57,7 @@ TEST(SharedTilesTest, NewerTilesReplaceOlderOnes) {
 }
 
 TEST(SharedTilesTest, OnlyOlderTilesAreForgotten) {
-  SharedTiles tiles(kDefaultTileEdgeM, 10);
+  SharedTiles tiles(kDefaultTileEdgeM, 10, TestCamera());
   tiles.Put({TileAt(0, Revision(1)), TileAt(1, Revision(5))});
   tiles.Forget({{TileKey{.x = 0}, Revision(3)}, {TileKey{.x = 1}, Revision(5)}, {TileKey{.x = 9}, Revision(5)}});
   ASSERT_THAT(tiles.Held(), SizeIs(1));
@@ -63,7 +65,7 @@ TEST(SharedTilesTest, OnlyOlderTilesAreForgotten) {
 }
 
 TEST(SharedTilesTest, BeyondTheLimitTheFarthestGo) {
-  SharedTiles tiles(kDefaultTileEdgeM, 3);
+  SharedTiles tiles(kDefaultTileEdgeM, 3, TestCamera());
   for (int32_t x = 0; x < 6; ++x) tiles.Put({TileAt(x, Revision(1))});
   tiles.MapInView(ConeAt(Pose3(Eigen::Quaterniond::Identity(), {44, 4, 0})), Pose3(), 1);
   ASSERT_THAT(tiles.Held(), SizeIs(3));

@@ -5,12 +5,14 @@
 namespace mapp::testing {
 namespace {
 
-Keypoint AtOctave(uint8_t octave) { return {.u_px = 0, .v_px = 0, .angle = 0, .octave = octave}; }
+Sighting Seen(uint64_t frame, const Eigen::Vector3d& center) {
+  return {.frame = FrameId(frame), .camera_center = center, .octave = 2};
+}
 
 PointRecord SeenFrom(const Eigen::Vector3d& center) {
   PointRecord point;
   point.position = Eigen::Vector3d::Zero();
-  InitPointStats(point, FrameId(1), center, AtOctave(2), OrbDescriptor(), 3);
+  InitPointStats(point, Seen(1, center), OrbDescriptor(), 3);
   return point;
 }
 
@@ -38,18 +40,29 @@ TEST(PointStatsTest, FirstObservationSetsEverything) {
 TEST(PointStatsTest, MeansMoveWithTheWeightOfOneObservation) {
   PointRecord point = SeenFrom({0, 0, -4});
   const Eigen::Vector3d centers[] = {{0, 0, -4}};
-  AddObservation(point, FrameId(2), {-4, 0, 0}, AtOctave(2), centers);
+  AddObservation(point, Seen(2, {-4, 0, 0}), centers);
   EXPECT_EQ(point.num_observations, 4U);
   EXPECT_NEAR(point.view_direction.norm(), 1, 1e-6);
   EXPECT_NEAR(point.view_direction.x() / point.view_direction.z(), 1.0 / 3.0, 1e-6);
   EXPECT_FLOAT_EQ(point.reference_distance_m, 4 * OctaveScale(2));
 }
 
+TEST(PointStatsTest, CamerasOfEveryFocalLengthTellTheSameReference) {
+  // Twice the focal length from twice as far: as large in the image, so of the same octave.
+  PointRecord point = SeenFrom({0, 0, -4});
+  Sighting from_afar = Seen(2, {0, 0, -8});
+  from_afar.focal_px = 2 * kReferenceFocalPx;
+  const Eigen::Vector3d centers[] = {{0, 0, -4}};
+  AddObservation(point, from_afar, centers);
+  EXPECT_FLOAT_EQ(point.reference_distance_m, 4 * OctaveScale(2));
+  EXPECT_FLOAT_EQ(ReferenceFor(from_afar.focal_px, point.reference_distance_m), 8 * OctaveScale(2));
+}
+
 TEST(PointStatsTest, OppositeViewsKeepTheOldDirection) {
   PointRecord point = SeenFrom({0, 0, -4});
   point.num_observations = 1;
   const Eigen::Vector3d centers[] = {{0, 0, -4}};
-  AddObservation(point, FrameId(2), {0, 0, 4}, AtOctave(2), centers);
+  AddObservation(point, Seen(2, {0, 0, 4}), centers);
   EXPECT_LT((point.view_direction - Eigen::Vector3f::UnitZ()).norm(), 1e-6F);
 }
 
@@ -57,7 +70,7 @@ TEST(PointStatsTest, KeepsTheObserversThatDifferMost) {
   PointRecord point = SeenFrom({0, 0, -4});
   std::vector<Eigen::Vector3d> centers = {{0, 0, -4}};
   const auto observe = [&](uint64_t frame, const Eigen::Vector3d& center) {
-    AddObservation(point, FrameId(frame), center, AtOctave(2), centers);
+    AddObservation(point, Seen(frame, center), centers);
   };
   for (const auto& [frame, center] :
        std::vector<std::pair<uint64_t, Eigen::Vector3d>>{{2, {-4, 0, 0}}, {3, {0.1, 0, -4}}, {4, {4, 0, 0}}}) {

@@ -55,6 +55,7 @@ struct Camera {
   /// Whether the pixel lies in the image, `margin_px` away from its border.
   bool Contains(const Eigen::Vector2d& pixel, double margin_px = 0) const;
   Eigen::Vector2d FocalLengths() const;    ///< fx, fy in pixels
+  double MeanFocalPx() const;              ///< geometric mean of both
   Eigen::Vector2d PrincipalPoint() const;  ///< cx, cy in pixels
   /// The same camera without distortion: the model of keypoints that were undistorted to it.
   PinholeCamera Undistorted() const;

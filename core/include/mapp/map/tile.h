@@ -45,6 +45,14 @@ struct TileFrame {
   float field_of_view = 0;  ///< radians
 };
 
+/// Focal length in pixels that stored reference distances are told for.
+inline constexpr double kReferenceFocalPx = 500;
+/// A stored reference distance as a camera of `focal_px` has it: a longer lens sees the same thing as large from
+/// further away.
+inline float ReferenceFor(double focal_px, float reference_distance_m) {
+  return static_cast<float>(focal_px / kReferenceFocalPx) * reference_distance_m;
+}
+
 /// A map point as stored in a tile, sent to devices and cached by them.
 struct TilePoint {
   static constexpr int kMaxObservers = 4;
@@ -52,7 +60,8 @@ struct TilePoint {
   Eigen::Vector3f p_map = Eigen::Vector3f::Zero();            ///< metres, quantised to edge / 65535 within the tile
   OrbDescriptor descriptor;                                   ///< representative: least median distance to the others
   Eigen::Vector3f view_direction = Eigen::Vector3f::UnitZ();  ///< unit, mean of (point - observing camera centre)
-  /// Distance at which the point would be detected at octave 0, metres; octave o fits distance reference / 1.2^o.
+  /// Distance at which a camera of focal length kReferenceFocalPx would detect the point at octave 0, metres; octave o
+  /// fits distance reference / 1.2^o. For other cameras see ReferenceFor().
   float reference_distance_m = 1;
   uint16_t num_observations = 0;
   float confidence = 1;  ///< probability in [0, 1] that the point is still there

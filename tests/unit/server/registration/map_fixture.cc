@@ -26,7 +26,8 @@ StatusOr<MapPointId> InsertNewPoint(MapWriter& writer, const FrameRecord& frame,
   point.session_point = feature.point->id;
   point.in_map = frame.in_map;
   point.position = RebuildPoint(camera, frame.T_frame_camera, feature.keypoint, feature.point->depth_m);
-  InitPointStats(point, FrameId(), frame.T_frame_camera.translation(), feature.keypoint, feature.descriptor, 1);
+  const Sighting sighting{FrameId(), frame.T_frame_camera.translation(), camera.MeanFocalPx(), feature.keypoint.octave};
+  InitPointStats(point, sighting, feature.descriptor, 1);
   point.observers.clear();
   return writer.InsertPoint(frame.map, point);
 }
@@ -57,7 +58,7 @@ StatusOr<std::vector<Observation>> ObservePoints(MapWriter& writer, const FrameR
 }
 
 /// Makes the stored frame an observer of its points.
-Status CountObservations(MapWriter& writer, FrameId frame, const Eigen::Vector3d& center, const Keyframe& keyframe,
+Status CountObservations(MapWriter& writer, const Sighting& from, const Keyframe& keyframe,
                          const std::vector<Observation>& observations) {
   for (const Observation& observation : observations) {
     MAPP_ASSIGN_OR_RETURN(std::vector<PointRecord> points, writer.GetPoints(std::span(&observation.point, 1)));
@@ -68,9 +69,11 @@ Status CountObservations(MapWriter& writer, FrameId frame, const Eigen::Vector3d
       centers.push_back(record.T_frame_camera.translation());
     }
     if (centers.empty()) {
-      point.observers = {frame};
+      point.observers = {from.frame};
     } else {
-      AddObservation(point, frame, center, keyframe.features[observation.feature_idx].keypoint, centers);
+      Sighting sighting = from;
+      sighting.octave = keyframe.features[observation.feature_idx].keypoint.octave;
+      AddObservation(point, sighting, centers);
     }
     MAPP_RETURN_IF_ERROR(writer.TouchPoint(point));
   }
@@ -92,7 +95,8 @@ StatusOr<FrameId> StoreKeyframe(MapWriter& writer, SessionId session, const Keyf
   MAPP_ASSIGN_OR_RETURN(const std::vector<Observation> observations,
                         ObservePoints(writer, frame, camera.camera, keyframe));
   MAPP_ASSIGN_OR_RETURN(const FrameId id, writer.InsertFrame(frame, EncodeKeyframe(keyframe), observations));
-  MAPP_RETURN_IF_ERROR(CountObservations(writer, id, frame.T_frame_camera.translation(), keyframe, observations));
+  const Sighting sighting{id, frame.T_frame_camera.translation(), camera.camera.MeanFocalPx()};
+  MAPP_RETURN_IF_ERROR(CountObservations(writer, sighting, keyframe, observations));
   return id;
 }
 
