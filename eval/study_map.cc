@@ -72,7 +72,7 @@ class Loader {
     point.num_observations = 0;
     for (const FrameId frame : frames) {
       const std::vector<Eigen::Vector3d> present = CentersOf(point.observers);
-      AddObservation(point, frame, observers_.frames.at(frame).T_map_camera.translation(), Keypoint(), present);
+      AddObservation(point, {frame, observers_.frames.at(frame).T_map_camera.translation()}, present);
     }
   }
 

@@ -51,6 +51,11 @@ StatusOr<ExperimentResult> RunHall(EvalContext& context) {
                    {"upload all, KB/keyframe", 1},
                    {"depth sketch, KB/keyframe", 1},
                    {"aligned at keyframe", 0}};
+  table.plot =
+      Plot{Plot::Kind::kBars,
+           "flight",
+           {"ATE upload all, cm", "ATE depth sketch, cm", "joint ATE upload all, cm", "joint ATE depth sketch, cm"},
+           "ATE, cm"};
   MAPP_ASSIGN_OR_RETURN(const auto all, context.lab.Run(FleetOf(world, Level::kRendered, "upload_all")));
   MAPP_ASSIGN_OR_RETURN(const auto sketch, context.lab.Run(FleetOf(world, Level::kRendered, "depth_sketch")));
   for (size_t flight = 0; flight < sketch->devices.size(); ++flight) {
