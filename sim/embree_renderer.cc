@@ -3,6 +3,7 @@
 #include "sim/cell_grid.h"
 #include "sim/cell_samples.h"
 #include "sim/embree_scene.h"
+#include "sim/four.h"
 #include "sim/parallel.h"
 #include "sim/ray_caster.h"
 #include "sim/ray_table.h"
@@ -10,6 +11,7 @@
 
 #include <algorithm>
 #include <array>
+#include <cstring>
 #include <utility>
 #include <vector>
 
@@ -103,18 +105,21 @@ class Drawing {
           SurfacePatch(caster_.views()[static_cast<size_t>(view)],
                        rays_.Center((cell.x0 + cell.x1) / 2, (cell.y0 + cell.y1) / 2), RayPerX(cell), RayPerY(cell));
     }
+    std::array<RayRow, kCell_px> rays;
+    for (int i = 0; i < kCell_px; ++i) rays[i] = rays_.CenterRow(cell.x0, std::min(cell.y0 + i, rays_.height() - 1));
+    const SurfacePatch::Look look = plain.patch.LookAt(rays);
     for (int y = cell.y0; y < cell.y1; ++y) {
-      const SurfacePatch::Look look = plain.patch.LookAt(rays_.CenterRow(cell.x0, y));
+      const auto line = static_cast<size_t>(y - cell.y0);
       Strip strip;
-      strip.Add(look.gray, plain.patch.tint_rgb());
-      strip.depth_m = look.depth_m;
+      Add(look.gray[line], plain.patch.tint_rgb(), strip);
+      strip.depth_m = look.depth_m[line];
       Store(strip, cell, y);
     }
   }
 
   void DrawSky(const Cell& cell) {
     Strip strip;
-    strip.AddSky(Eigen::Array4f::Constant(Sky()));
+    AddSky(Eigen::Array4f::Ones(), strip);
     for (int y = cell.y0; y < cell.y1; ++y) Store(strip, cell, y);
   }
 
@@ -139,7 +144,7 @@ class Drawing {
       }
       if (!(weight > 0.0F).any()) continue;
       if (slot == CellSurfaces::kSky) {
-        strip.AddSky(weight * Sky());
+        AddSky(weight, strip);
         continue;
       }
       const SurfacePatch& patch = surfaces[slot];
@@ -147,7 +152,7 @@ class Drawing {
       const Eigen::Array4f scale = weight.max(0.125F).inverse();
       middle.x = (weight > 0.0F).select(middle.x * scale, patch.ray().x());
       middle.y = (weight > 0.0F).select(middle.y * scale, patch.ray().y());
-      strip.Add(weight * patch.LookAt(middle).gray, patch.tint_rgb());
+      Add(weight * patch.GrayAt(middle), patch.tint_rgb(), strip);
       const Eigen::Array4f inverse_depth = patch.InverseDepthOf(centers.rays);
       strip.depth_m = (centers.slots == number).select(inverse_depth.inverse(), strip.depth_m);
     }
@@ -159,27 +164,30 @@ class Drawing {
     Eigen::Array4f gray = Eigen::Array4f::Zero();
     Eigen::Array4f depth_m = Eigen::Array4f::Zero();
     std::array<Eigen::Array4f, 3> color = {gray, gray, gray};
-
-    void Add(const Eigen::Array4f& level, const Eigen::Vector3f& tint_rgb) {
-      gray += level;
-      for (size_t i = 0; i < color.size(); ++i) color[i] += level * tint_rgb[static_cast<Eigen::Index>(i)];
-    }
-    void AddSky(const Eigen::Array4f& level) { Add(level, Eigen::Vector3f::Ones()); }
   };
 
+  void Add(const Eigen::Array4f& level, const Eigen::Vector3f& tint_rgb, Strip& strip) const {
+    strip.gray += level;
+    if (!options_.with_color) return;
+    for (size_t i = 0; i < strip.color.size(); ++i) strip.color[i] += level * tint_rgb[static_cast<Eigen::Index>(i)];
+  }
+  void AddSky(const Eigen::Array4f& weight, Strip& strip) const { Add(weight * Sky(), Eigen::Vector3f::Ones(), strip); }
+
   void Store(const Strip& strip, const Cell& cell, int y) {
-    const auto to_levels = [](const Eigen::Array4f& level) {
-      return Eigen::Array4i((level + 0.5F).max(0.0F).min(255.0F).cast<int>());
-    };
-    const Eigen::Array4i gray = to_levels(strip.gray);
-    for (int x = cell.x0; x < cell.x1; ++x) {
-      frame_.gray.at(x, y) = static_cast<uint8_t>(gray[x - cell.x0]);
-      frame_.depth_m.at(x, y) = strip.depth_m[x - cell.x0];
+    const auto count = static_cast<size_t>(cell.x1 - cell.x0);
+    const size_t first = static_cast<size_t>(y) * static_cast<size_t>(rays_.width()) + static_cast<size_t>(cell.x0);
+    const std::array<uint8_t, kCell_px> gray = ToLevels(strip.gray);
+    if (count == kCell_px) {
+      std::memcpy(&frame_.gray.pixels[first], gray.data(), gray.size());
+      Eigen::Map<Eigen::Array4f>(&frame_.depth_m.pixels[first]) = strip.depth_m;
+    } else {
+      std::copy_n(gray.begin(), count, &frame_.gray.pixels[first]);
+      std::copy_n(strip.depth_m.data(), count, &frame_.depth_m.pixels[first]);
     }
     if (!options_.with_color) return;
     for (size_t i = 0; i < strip.color.size(); ++i) {
-      const Eigen::Array4i levels = to_levels(strip.color[i]);
-      for (int x = cell.x0; x < cell.x1; ++x) frame_.color.at(x, y)[i] = static_cast<uint8_t>(levels[x - cell.x0]);
+      const std::array<uint8_t, kCell_px> levels = ToLevels(strip.color[i]);
+      for (size_t x = 0; x < count; ++x) frame_.color.pixels[first + x][i] = levels[x];
     }
   }
 

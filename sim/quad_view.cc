@@ -116,47 +116,74 @@ void SurfacePatch::ChooseLookup(const Eigen::Vector2f& ray_per_x, const Eigen::V
   tap_uv_ = axis.cwiseQuotient(size);
 }
 
-Eigen::Array4f SurfacePatch::Texels(const Eigen::Array4f& u, const Eigen::Array4f& v, float level) const {
-  if (num_taps_ == 1) return texture_->SampleLevel(u, v, level, beyond_);
-  Eigen::Array4f sum = Eigen::Array4f::Zero();
-  for (int tap = 0; tap < num_taps_; ++tap) {
-    const float steps = static_cast<float>(tap) - 0.5F * static_cast<float>(num_taps_ - 1);
-    sum += texture_->SampleLevel(u + steps * tap_uv_.x(), v + steps * tap_uv_.y(), level, beyond_);
-  }
-  return sum / static_cast<float>(num_taps_);
+Texture::Slice SurfacePatch::SliceAt(float depth_m) const {
+  const float level = level_ + level_per_log2z_ * Texture::FastLog2(depth_m * inverse_depth_.at_ray);
+  return texture_->AtLevel(level, beyond_);
 }
 
-Eigen::Array4f SurfacePatch::Brightness(const Eigen::Array4f& u, const Eigen::Array4f& v) const {
+inline Eigen::Array4f SurfacePatch::Texels(const RayRow& off, const Eigen::Array4f& depth_m,
+                                           const Texture::Slice& slice) const {
+  const Eigen::Array4f u = texture_u_over_z_(off) * depth_m;
+  const Eigen::Array4f v = texture_v_over_z_(off) * depth_m;
+  if (num_taps_ == 1) return slice.At(u, v);
+  static_assert(kMaxTaps == 2);
+  const Eigen::Vector2f half = 0.5F * tap_uv_;
+  return 0.5F * (slice.At(u - half.x(), v - half.y()) + slice.At(u + half.x(), v + half.y()));
+}
+
+inline Eigen::Array4f SurfacePatch::Brightness(const RayRow& off, const Eigen::Array4f& depth_m) const {
   const LightGrid& light = quad_->light;
+  const Eigen::Array4f u = u_over_z_(off) * depth_m;
+  const Eigen::Array4f v = v_over_z_(off) * depth_m;
   const Eigen::Array4f x = u.max(0.0F).min(1.0F) * static_cast<float>(light.columns - 1);
   const Eigen::Array4f y = v.max(0.0F).min(1.0F) * static_cast<float>(light.rows - 1);
-  const Eigen::Array4i x0 = x.cast<int>().min(light.columns - 2);
-  const Eigen::Array4i y0 = y.cast<int>().min(light.rows - 2);
+  const Eigen::Array4f x0 = ToFloat(Truncate(x)).min(static_cast<float>(light.columns - 2));
+  const Eigen::Array4f y0 = ToFloat(Truncate(y)).min(static_cast<float>(light.rows - 2));
+  const Int4 offsets = Truncate(y0) * light.columns + Truncate(x0);
   Eigen::Array4f top_left, top_right, bottom_left, bottom_right;
   for (int i = 0; i < RayRow::kSize; ++i) {
-    const float* top = light.factors.data() + static_cast<ptrdiff_t>(y0[i]) * light.columns + x0[i];
+    const float* top = light.factors.data() + offsets[i];
     const float* bottom = top + light.columns;
     top_left[i] = top[0];
     top_right[i] = top[1];
     bottom_left[i] = bottom[0];
     bottom_right[i] = bottom[1];
   }
-  const Eigen::Array4f wx = x - x0.cast<float>();
+  const Eigen::Array4f wx = x - x0;
   const Eigen::Array4f above = top_left + (top_right - top_left) * wx;
   const Eigen::Array4f below = bottom_left + (bottom_right - bottom_left) * wx;
-  return above + (below - above) * (y - y0.cast<float>());
+  return above + (below - above) * (y - y0);
 }
 
-SurfacePatch::Look SurfacePatch::LookAt(const RayRow& rays) const {
+Eigen::Array4f SurfacePatch::GrayAt(const RayRow& rays) const {
   const RayRow off = OffOf(rays);
+  const Eigen::Array4f depth_m = inverse_depth_(off).inverse();
+  const Eigen::Array4f texels = Texels(off, depth_m, SliceAt(depth_m[1]));
+  return quad_->light.factors.empty() ? texels : texels * Brightness(off, depth_m);
+}
+
+SurfacePatch::Look SurfacePatch::LookAt(const std::array<RayRow, RayRow::kSize>& rays) const {
+  constexpr int kLast = RayRow::kSize - 1;
+  std::array<RayRow, RayRow::kSize> offs;
   Look look;
-  look.depth_m = inverse_depth_(off).inverse();
-  // Neighbouring pixels share a mip level: that of the second of the four.
-  const float level = level_ + level_per_log2z_ * Texture::FastLog2(look.depth_m[1] * inverse_depth_.at_ray);
-  look.gray = Texels(texture_u_over_z_(off) * look.depth_m, texture_v_over_z_(off) * look.depth_m, level);
-  if (!quad_->light.factors.empty()) {
-    look.gray *= Brightness(u_over_z_(off) * look.depth_m, v_over_z_(off) * look.depth_m);
+  for (size_t i = 0; i < rays.size(); ++i) {
+    offs[i] = OffOf(rays[i]);
+    look.depth_m[i] = inverse_depth_(offs[i]).inverse();
   }
+  // The cell's pixels share a mip level: that of one in its middle.
+  const Texture::Slice slice = SliceAt(look.depth_m[1][1]);
+  for (size_t i = 0; i < rays.size(); ++i) look.gray[i] = Texels(offs[i], look.depth_m[i], slice);
+  if (quad_->light.factors.empty()) return look;
+  // Light changes so slowly that it is looked up in the cell's corners and blended between.
+  const auto corners = [](const auto& top, const auto& bottom) {
+    return Eigen::Array4f(top[0], bottom[0], top[kLast], bottom[kLast]);
+  };
+  const RayRow corner_offs{corners(offs.front().x, offs.back().x), corners(offs.front().y, offs.back().y)};
+  const Eigen::Array4f factors = Brightness(corner_offs, corners(look.depth_m.front(), look.depth_m.back()));
+  const Eigen::Array4f along(0, 1.0F / kLast, 2.0F / kLast, 1);
+  const Eigen::Array4f top = factors[0] + (factors[2] - factors[0]) * along;
+  const Eigen::Array4f step = (factors[1] + (factors[3] - factors[1]) * along - top) / kLast;
+  for (size_t i = 0; i < rays.size(); ++i) look.gray[i] *= top + static_cast<float>(i) * step;
   return look;
 }
 

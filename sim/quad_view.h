@@ -52,12 +52,16 @@ class SurfacePatch {
   SurfacePatch(const QuadView& view, const Eigen::Vector2f& ray, const Eigen::Vector2f& ray_per_x,
                const Eigen::Vector2f& ray_per_y);
 
+  /// Gray levels at which nearby rays meet the rectangle's plane, which they must do in front of the camera.
+  Eigen::Array4f GrayAt(const RayRow& rays) const;
+
   struct Look {
-    Eigen::Array4f gray;
-    Eigen::Array4f depth_m;
+    std::array<Eigen::Array4f, RayRow::kSize> gray;
+    std::array<Eigen::Array4f, RayRow::kSize> depth_m;
   };
-  /// What nearby rays see. They must meet the rectangle's plane in front of the camera.
-  Look LookAt(const RayRow& rays) const;
+  /// What the pixels of a cell see, four rows of four, likewise.
+  Look LookAt(const std::array<RayRow, RayRow::kSize>& rays) const;
+
   /// The inverse depth at which nearby rays meet the rectangle's plane, 1/m.
   Eigen::Array4f InverseDepthOf(const RayRow& rays) const { return inverse_depth_(OffOf(rays)); }
   /// The inverse depth at which they meet the rectangle, 1/m; 0 where they pass it by.
@@ -77,8 +81,9 @@ class SurfacePatch {
 
   void ChooseLookup(const Eigen::Vector2f& ray_per_x, const Eigen::Vector2f& ray_per_y);
   RayRow OffOf(const RayRow& rays) const { return {rays.x - ray_.x(), rays.y - ray_.y()}; }
-  Eigen::Array4f Texels(const Eigen::Array4f& u, const Eigen::Array4f& v, float level) const;
-  Eigen::Array4f Brightness(const Eigen::Array4f& u, const Eigen::Array4f& v) const;
+  Texture::Slice SliceAt(float depth_m) const;
+  Eigen::Array4f Texels(const RayRow& off, const Eigen::Array4f& depth_m, const Texture::Slice& slice) const;
+  Eigen::Array4f Brightness(const RayRow& off, const Eigen::Array4f& depth_m) const;
 
   const Quad* quad_ = nullptr;
   const Texture* texture_ = nullptr;
