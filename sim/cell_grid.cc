@@ -5,6 +5,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <limits>
 
 namespace mapp::sim {
 namespace {
@@ -36,26 +37,65 @@ bool Clip(const Eigen::AlignedBox2f& bounds, Eigen::Vector3d& a, Eigen::Vector3d
   return true;
 }
 
-int NumCells(int size_px) { return (size_px + CellGrid::kCell_px - 1) / CellGrid::kCell_px; }
+int DivideUp(int size, int by) { return (size + by - 1) / by; }
 
 }  // namespace
 
 CellGrid::CellGrid(const RayTable& rays)
     : rays_(rays),
-      columns_(NumCells(rays.width())),
-      rows_(NumCells(rays.height())),
+      columns_(DivideUp(rays.width(), kCell_px)),
+      rows_(DivideUp(rays.height(), kCell_px)),
+      block_columns_(DivideUp(columns_, kBlock)),
       stride_(static_cast<size_t>(columns_) + 1),
       corner_views_(stride_ * (static_cast<size_t>(rows_) + 1), kNoView),
-      states_(static_cast<size_t>(columns_) * static_cast<size_t>(rows_)) {}
+      states_(static_cast<size_t>(columns_) * static_cast<size_t>(rows_)),
+      farthest_(BlockIndex(0, num_bands()), std::numeric_limits<double>::infinity()) {}
 
-void CellGrid::CompareCorners(int row) {
-  const int32_t* top = CornerViews(row);
-  const int32_t* bottom = CornerViews(row + 1);
-  for (int column = 0; column < columns_; ++column) {
-    const int32_t view = top[column];
-    const bool agree = view == top[column + 1] && view == bottom[column] && view == bottom[column + 1];
-    states_[CellIndex(column, row)].store(agree ? State::kPlain : State::kMixed, std::memory_order_relaxed);
+void CellGrid::CompareCorners(const std::vector<QuadView>& views, int band) {
+  for (int row = band * kBlock; row < std::min((band + 1) * kBlock, rows_); ++row) {
+    const int32_t* top = CornerViews(row);
+    const int32_t* bottom = CornerViews(row + 1);
+    for (int column = 0; column < columns_; ++column) {
+      const int32_t view = top[column];
+      const bool agree = view == top[column + 1] && view == bottom[column] && view == bottom[column + 1];
+      states_[CellIndex(column, row)].store(agree ? State::kPlain : State::kMixed, std::memory_order_relaxed);
+      if (!agree) continue;
+      double& farthest = farthest_[BlockIndex(column / kBlock, band)];
+      farthest =
+          std::min(farthest, view == kNoView ? 0 : FarthestAround(views[static_cast<size_t>(view)], column, row));
+    }
   }
+}
+
+/// The least inverse depth of a surface in a cell and kCell_px around it; edges mark cells from less far.
+double CellGrid::FarthestAround(const QuadView& view, int column, int row) const {
+  const auto at = [&](int x, int y) {
+    const Eigen::Vector2f ray = rays_.Corner(x, y);
+    return view.InverseDepth(ray.x(), ray.y());
+  };
+  const auto [low, high] = std::minmax({at(FirstX(column), FirstY(row)), at(FirstX(column + 1), FirstY(row)),
+                                        at(FirstX(column), FirstY(row + 1)), at(FirstX(column + 1), FirstY(row + 1))});
+  // Cells at the border may be too small to tell.
+  const bool is_whole = FirstX(column + 1) - FirstX(column) == kCell_px && FirstY(row + 1) - FirstY(row) == kCell_px;
+  static_assert(kReach_px < kCell_px);
+  return is_whole ? low - (high - low) : 0;
+}
+
+/// Whether what is seen wherever an edge between two pixels marks cells lies nearer than `inverse_depth`.
+bool CellGrid::IsHidden(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double inverse_depth) const {
+  const auto block_of = [](double position_px, int count) {
+    return static_cast<int>(std::clamp(position_px / (kBlock * kCell_px), 0.0, count - 1.0));
+  };
+  const Eigen::Vector2d low = from.cwiseMin(to).array() - kReach_px;
+  const Eigen::Vector2d high = from.cwiseMax(to).array() + kReach_px;
+  const int last_column = block_of(high.x(), block_columns_);
+  const int last_row = block_of(high.y(), num_bands());
+  for (int row = block_of(low.y(), num_bands()); row <= last_row; ++row) {
+    for (int column = block_of(low.x(), block_columns_); column <= last_column; ++column) {
+      if (inverse_depth > kInFront * farthest_[BlockIndex(column, row)]) return false;
+    }
+  }
+  return true;
 }
 
 void CellGrid::MarkEdges(const std::vector<QuadView>& views, int32_t view_idx) {
@@ -80,7 +120,8 @@ void CellGrid::MarkEdge(const std::vector<QuadView>& views, int32_t view_idx, co
   for (int i = 0; i < num_pieces; ++i) {
     const Eigen::Vector3d at = begin + i * piece;
     const Eigen::Vector2d next_pixel = rays_.ToImage((at + piece).head<2>());
-    for (int j = 0; j <= num_steps; ++j) {
+    const bool is_hidden = IsHidden(pixel, next_pixel, std::max(at.z(), at.z() + piece.z()));
+    for (int j = 0; !is_hidden && j <= num_steps; ++j) {
       const double share = static_cast<double>(j) / num_steps;
       MarkAround(views, view_idx, at + share * piece, pixel + share * (next_pixel - pixel));
     }

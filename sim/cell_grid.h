@@ -32,8 +32,9 @@ class CellGrid {
   /// called by several threads for different views once all corners are filled.
   void MarkEdges(const std::vector<QuadView>& views, int32_t view_idx);
 
-  /// Compares the corners of the cells of a row; once the corners around it are filled, before edges are marked.
-  void CompareCorners(int row);
+  /// Compares the corners of the cells of a band of rows; once all corners are filled, before edges are marked.
+  void CompareCorners(const std::vector<QuadView>& views, int band);
+  int num_bands() const { return (rows_ + kBlock - 1) / kBlock; }
 
   /// Whether the four corners of the cell see one view, or all nothing.
   bool CornersAgree(int column, int row) const { return StateOf(column, row) != State::kMixed; }
@@ -48,21 +49,31 @@ class CellGrid {
     kSuspected,  ///< they do, and an edge stands in front of it
   };
 
+  /// Edges that are hidden by all that is seen around them are found by blocks of this many cells each way.
+  static constexpr int kBlock = 4;
+
+  size_t BlockIndex(int column, int band) const {
+    return static_cast<size_t>(band) * static_cast<size_t>(block_columns_) + static_cast<size_t>(column);
+  }
   size_t CellIndex(int column, int row) const {
     return static_cast<size_t>(row) * static_cast<size_t>(columns_) + static_cast<size_t>(column);
   }
   State StateOf(int column, int row) const { return states_[CellIndex(column, row)].load(std::memory_order_relaxed); }
   void MarkEdge(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector3d& from_camera,
                 const Eigen::Vector3d& to_camera);
+  double FarthestAround(const QuadView& view, int column, int row) const;
+  bool IsHidden(const Eigen::Vector2d& from, const Eigen::Vector2d& to, double inverse_depth) const;
   void MarkAround(const std::vector<QuadView>& views, int32_t view_idx, const Eigen::Vector3d& at,
                   const Eigen::Vector2d& pixel);
 
   const RayTable& rays_;
   const int columns_;
   const int rows_;
+  const int block_columns_;
   const size_t stride_;
   std::vector<int32_t> corner_views_;
   std::vector<std::atomic<State>> states_;  ///< by cell, row-major
+  std::vector<double> farthest_;            ///< by block, row-major: the least inverse depth seen in its plain cells
 };
 
 }  // namespace mapp::sim

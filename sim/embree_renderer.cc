@@ -38,7 +38,8 @@ class Drawing {
     constexpr int kViewsAtOnce = 32;
     const int num_views = static_cast<int>(caster_.views().size());
     ParallelFor(options_.num_threads, grid_.rows() + 1, [&](int line) { CastCorners(line); });
-    for (int row = 0; row < grid_.rows(); ++row) grid_.CompareCorners(row);
+    ParallelFor(options_.num_threads, grid_.num_bands(),
+                [&](int band) { grid_.CompareCorners(caster_.views(), band); });
     ParallelFor(options_.num_threads, (num_views + kViewsAtOnce - 1) / kViewsAtOnce, [&](int chunk) {
       const int end = std::min((chunk + 1) * kViewsAtOnce, num_views);
       for (int view = chunk * kViewsAtOnce; view < end; ++view) grid_.MarkEdges(caster_.views(), view);
