@@ -23,6 +23,9 @@ class AlignmentConsensus {
   /// anything.
   std::optional<Pose3> Decide() const;
 
+  /// Forgets what was said, once it has turned out wrong: it must not outvote those who come to a true place later.
+  void Forget() { alignments_.clear(); }
+
  private:
   bool Agree(const KeyframeAlignment& a, const KeyframeAlignment& b) const;
   std::vector<const KeyframeAlignment*> AgreeingWith(const KeyframeAlignment& alignment) const;

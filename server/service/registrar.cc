@@ -151,7 +151,11 @@ Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecor
   Status merged;
   if (const std::optional<Pose3> T_map_session = consensus->Decide()) {
     MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, frame, *T_map_session));
-    if (Tolerates(options, way)) merged = Merge(reader, frame, *T_map_session, state);
+    if (Tolerates(options, way)) {
+      merged = Merge(reader, frame, *T_map_session, state);
+    } else {
+      consensus->Forget();
+    }
   }
   if (options.step_times != nullptr) options.step_times->Add(ServiceStep::kAlignment, stopwatch.Elapsed());
   // After the merge: who waits for the comparison of a keyframe then knows what came of it.

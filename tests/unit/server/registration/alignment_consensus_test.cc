@@ -75,6 +75,17 @@ TEST(AlignmentConsensusTest, RefusesWhenAsManyDisagree) {
   EXPECT_LT(Distance(*T_map_session, kTruth), 1e-6);
 }
 
+TEST(AlignmentConsensusTest, WhatWasForgottenDoesNotOutvote) {
+  AlignmentConsensus consensus{RegistrarOptions()};
+  for (uint32_t number = 0; number < 9; ++number) consensus.Add(Saying(number, Shifted(4)));
+  consensus.Forget();
+  EXPECT_FALSE(consensus.Decide());
+  for (uint32_t number = 9; number < 12; ++number) consensus.Add(Saying(number, kTruth));
+  const auto T_map_session = consensus.Decide();
+  ASSERT_TRUE(T_map_session);
+  EXPECT_LT(Distance(*T_map_session, kTruth), 1e-6);
+}
+
 TEST(AlignmentConsensusTest, ScatteredWordsNeverAgree) {
   AlignmentConsensus consensus{RegistrarOptions()};
   for (uint32_t number = 0; number < 20; ++number) {

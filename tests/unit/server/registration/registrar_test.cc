@@ -121,7 +121,7 @@ TEST_F(RegistrarTest, AnEqualWallIsNotThatPlaceWhenTheWayToItWasAnother) {
   EventLog log(fixture_, session);
   // Turns towards the wall, and then sees nothing else.
   std::vector<Pose3> poses = SyntheticRoom::Circle(0.8, -3.24, 0.36, 9);
-  for (const double heading : {-0.1, -0.05, 0.0, 0.05, 0.1}) {
+  for (const double heading : {-0.1, -0.05, 0.0, 0.05, 0.1, 0.15}) {
     poses.push_back(SyntheticRoom::Stand(heading, 0.9, heading));
   }
   Walk(elsewhere, session, poses);
@@ -129,7 +129,7 @@ TEST_F(RegistrarTest, AnEqualWallIsNotThatPlaceWhenTheWayToItWasAnother) {
   const auto tried = log.WaitFor<AlignmentTried>(poses.size() - 1);
   ASSERT_TRUE(tried);
   EXPECT_GT(tried->num_inliers, 100U) << "the wall itself matches well";
-  EXPECT_GE(tried->num_consistent, 3U);
+  EXPECT_EQ(tried->num_consistent, 2U) << "so many would do, and those before were forgotten";
   EXPECT_EQ(log.Count<SessionAligned>(), 0U);
 }
 
