@@ -155,14 +155,15 @@ inline Eigen::Array4f SurfacePatch::Brightness(const RayRow& off, const Eigen::A
   return above + (below - above) * (y - y0);
 }
 
-Eigen::Array4f SurfacePatch::GrayAt(const RayRow& rays) const {
+[[gnu::flatten]] Eigen::Array4f SurfacePatch::GrayAt(const RayRow& rays) const {
   const RayRow off = OffOf(rays);
   const Eigen::Array4f depth_m = inverse_depth_(off).inverse();
   const Eigen::Array4f texels = Texels(off, depth_m, SliceAt(depth_m[1]));
   return quad_->light.factors.empty() ? texels : texels * Brightness(off, depth_m);
 }
 
-SurfacePatch::Look SurfacePatch::LookAt(const std::array<RayRow, RayRow::kSize>& rays) const {
+// Flat: what is the same for all pixels of a cell is then computed once.
+[[gnu::flatten]] SurfacePatch::Look SurfacePatch::LookAt(const std::array<RayRow, RayRow::kSize>& rays) const {
   constexpr int kLast = RayRow::kSize - 1;
   std::array<RayRow, RayRow::kSize> offs;
   Look look;
