@@ -1,5 +1,7 @@
 #include "sim/cell_samples.h"
 
+#include "sim/four.h"
+
 #include <algorithm>
 
 namespace mapp::sim {
@@ -7,29 +9,14 @@ namespace {
 
 /// Four values from `first` on.
 template <typename Values>
-Eigen::Map<Eigen::Array4f> Four(Values& values, size_t first) {
-  return Eigen::Map<Eigen::Array4f>(&values[first]);
+Eigen::Map<Eigen::Array4f, Eigen::Aligned16> Four(Values& values, size_t first) {
+  return Eigen::Map<Eigen::Array4f, Eigen::Aligned16>(&values[first]);
 }
 
 }  // namespace
 
-void CellSurfaces::Begin(const Eigen::Vector2f& ray_per_x, const Eigen::Vector2f& ray_per_y) {
-  ray_per_x_ = ray_per_x;
-  ray_per_y_ = ray_per_y;
-  known_.clear();
-}
-
-int CellSurfaces::SlotOf(int32_t view, const Eigen::Vector2f& ray) {
-  if (view == kNoView) return kSky;
-  for (size_t i = 0; i < known_.size(); ++i) {
-    if (known_[i].first == view) return static_cast<int>(i);
-  }
-  known_.emplace_back(view, SurfacePatch(views_[static_cast<size_t>(view)], ray, ray_per_x_, ray_per_y_));
-  return static_cast<int>(known_.size()) - 1;
-}
-
 /// A cell at the image's border repeats its last pixels.
-void CellSamples::Place(int x, int y) {
+void CellSamples::Begin(int x, int y) {
   for (int line = 0; line < kSize; ++line) {
     const RayRow row = table_.CenterRow(x, std::min(y + line, table_.height() - 1));
     Four(x_, static_cast<size_t>(line * kSize)) = row.x;
@@ -48,59 +35,72 @@ void CellSamples::Place(int x, int y) {
     x_[next] = x_[next - 1];
     y_[next] = y_[next - 1];
   }
+  slots_.fill(kSky);
+  views_.clear();
 }
 
-bool CellSamples::AllMeet(int32_t view, int x, int y) {
-  Place(x, y);
-  std::array<Eigen::Vector2f, kNumCenters> rays;
-  for (size_t i = 0; i < rays.size(); ++i) rays[i] = RayAt(i);
-  caster_.Cast(rays, center_views_);
-  return std::ranges::all_of(center_views_, [&](int32_t met) { return met == view; });
+void CellSamples::Resolve(const CellGrid::Candidates& candidates) {
+  views_.assign(candidates.views().begin(), candidates.views().end());
+  ChooseNearest(0);
+  CastWhereSky(0, kNumPadded);
 }
 
-void CellSamples::Resolve(const std::array<int32_t, 4>& corner_views, CellSurfaces& surfaces) {
-  constexpr std::array<size_t, 4> kCornerSamples = {kNumCenters, kNumCenters + kSize, kNumCenters + kSize * kLine,
-                                                    kNumCenters + kSize * kLine + kSize};
-  for (size_t i = 0; i < kNumCenters; ++i) {
-    slots_[i] = static_cast<float>(surfaces.SlotOf(center_views_[i], RayAt(i)));
-  }
-  for (size_t i = 0; i < kCornerSamples.size(); ++i) surfaces.SlotOf(corner_views[i], RayAt(kCornerSamples[i]));
+void CellSamples::Cast() {
+  CastWhereSky(0, kNumCenters);
+  ChooseNearest(kNumCenters);
+  CastWhereSky(kNumCenters, kNumPadded);
+}
 
-  bool all_resolved = true;
-  for (size_t first = kNumCenters; first < kNumPadded; first += kSize) {
-    const RayRow rays = RowAt(first).rays;
-    Eigen::Array4f nearest = Eigen::Array4f::Zero();
-    Eigen::Array4f slots = Eigen::Array4f::Constant(CellSurfaces::kSky);
-    for (int slot = 0; slot < surfaces.size(); ++slot) {
-      const Eigen::Array4f inverse_depth = surfaces[slot].InverseDepthIfMet(rays);
-      slots = (inverse_depth > nearest).select(static_cast<float>(slot), slots);
-      nearest = nearest.max(inverse_depth);
+void CellSamples::ChooseNearest(size_t begin) {
+  alignas(16) std::array<float, kNumPadded> nearest{};
+  for (size_t slot = 0; slot < views_.size(); ++slot) {
+    const QuadHit hit(caster_.views()[static_cast<size_t>(views_[slot])], {x_[0], y_[0]});
+    for (size_t first = begin; first < kNumPadded; first += kSize) {
+      const Eigen::Array4f inverse_depth = hit.InverseDepth(RowAt(first).rays);
+      auto best = Four(nearest, first);
+      auto slots = Four(slots_, first);
+      slots = Select(AreGreater(inverse_depth, best), Eigen::Array4f::Constant(static_cast<float>(slot)), slots);
+      best = best.max(inverse_depth);
     }
-    Four(slots_, first) = slots;
-    all_resolved = all_resolved && nearest.minCoeff() > 0;
   }
-  if (!all_resolved) CastUnresolvedCorners(surfaces);
 }
 
-/// Corners that meet none of the cell's surfaces see the sky, or something that no centre sees.
-void CellSamples::CastUnresolvedCorners(CellSurfaces& surfaces) {
-  constexpr size_t kNumCorners = kNumSamples - kNumCenters;
-  std::array<size_t, kNumCorners> samples;
-  std::array<Eigen::Vector2f, kNumCorners> rays;
-  std::array<int32_t, kNumCorners> views;
+void CellSamples::CastWhereSky(size_t begin, size_t end) {
+  std::array<size_t, kNumPadded> samples;
+  std::array<Eigen::Vector2f, kNumPadded> rays;
+  std::array<int32_t, kNumPadded> views;
   size_t count = 0;
-  for (size_t i = kNumCenters; i < kNumSamples; ++i) {
+  for (size_t i = begin; i < end; ++i) {
     if (slots_[i] >= 0) continue;
     samples[count] = i;
-    rays[count++] = RayAt(i);
+    rays[count++] = {x_[i], y_[i]};
   }
+  if (count == 0) return;
   caster_.Cast({rays.data(), count}, {views.data(), count});
-  for (size_t i = 0; i < count; ++i) slots_[samples[i]] = static_cast<float>(surfaces.SlotOf(views[i], rays[i]));
+  for (size_t i = 0; i < count; ++i) slots_[samples[i]] = static_cast<float>(SlotOf(views[i]));
 }
 
-CellSamples::Row CellSamples::RowAt(size_t first) const {
-  using Values = Eigen::Map<const Eigen::Array4f>;
-  return {{Values(&x_[first]), Values(&y_[first])}, Values(&slots_[first])};
+int CellSamples::SlotOf(int32_t view) {
+  if (view == kNoView) return kSky;
+  const auto known = std::ranges::find(views_, view);
+  const auto slot = static_cast<int>(known - views_.begin());
+  if (known == views_.end()) views_.push_back(view);
+  return slot;
+}
+
+std::optional<int32_t> CellSamples::OnlyView() const {
+  if (std::ranges::any_of(slots_, [&](float slot) { return slot != slots_[0]; })) return std::nullopt;
+  return slots_[0] < 0 ? kNoView : views_[static_cast<size_t>(slots_[0])];
+}
+
+CellSamples::Seen CellSamples::At(int slot) const {
+  Seen seen{views_[static_cast<size_t>(slot)], std::nullopt};
+  const auto sample = std::ranges::find(slots_, static_cast<float>(slot));
+  if (sample != slots_.end()) {
+    const auto i = static_cast<size_t>(sample - slots_.begin());
+    seen.ray = {x_[i], y_[i]};
+  }
+  return seen;
 }
 
 }  // namespace mapp::sim

@@ -7,48 +7,37 @@
 
 #include <array>
 #include <cstdint>
-#include <utility>
+#include <optional>
 #include <vector>
 
 namespace mapp::sim {
 
-/// The appearance of the few views seen within a cell, by slot.
-class CellSurfaces {
- public:
-  /// Of what is not a surface.
-  static constexpr int kSky = -1;
-
-  explicit CellSurfaces(const std::vector<QuadView>& views) : views_(views) {}
-
-  /// Starts with the next cell, whose rays change by `ray_per_x` and `ray_per_y` from a pixel to the next.
-  void Begin(const Eigen::Vector2f& ray_per_x, const Eigen::Vector2f& ray_per_y);
-  /// The slot of a view that `ray` meets, or kSky for kNoView.
-  int SlotOf(int32_t view, const Eigen::Vector2f& ray);
-
-  int size() const { return static_cast<int>(known_.size()); }
-  const SurfacePatch& operator[](int slot) const { return known_[static_cast<size_t>(slot)].second; }
-
- private:
-  const std::vector<QuadView>& views_;
-  Eigen::Vector2f ray_per_x_ = Eigen::Vector2f::Zero();
-  Eigen::Vector2f ray_per_y_ = Eigen::Vector2f::Zero();
-  std::vector<std::pair<int32_t, SurfacePatch>> known_;
-};
-
-/// What the samples of one cell see: the centres of its pixels, and the corners that these share. Rays are cast through
-/// the centres; the surfaces they meet tell by their planes and borders what the corners see, which only serve to
-/// blend.
+/// What the samples of one cell see: the centres of its pixels, and the corners that these share.
 class CellSamples {
  public:
   static constexpr int kSize = CellGrid::kCell_px;
   static_assert(kSize == RayRow::kSize);
+  /// The slot of what is not a surface.
+  static constexpr int kSky = -1;
 
   CellSamples(const RayTable& rays, const RayCaster& caster) : table_(rays), caster_(caster) {}
 
-  /// Casts rays through the centres of the cell whose top left pixel is (x, y). Returns whether all meet `view`.
-  bool AllMeet(int32_t view, int x, int y);
-  /// Finds what every sample sees, by slots of `surfaces`, given also what the cell's four corners see. After AllMeet.
-  void Resolve(const std::array<int32_t, 4>& corner_views, CellSurfaces& surfaces);
+  /// Starts with the cell whose top left pixel is (x, y).
+  void Begin(int x, int y);
+  /// Finds what every sample sees: the nearest candidate that it meets, and where it meets none, what a ray does.
+  void Resolve(const CellGrid::Candidates& candidates);
+  /// Finds the same by rays through the centres; corners see the surfaces that these meet.
+  void Cast();
+
+  /// The view that all samples see, kNoView for the sky; nullopt if they see several.
+  std::optional<int32_t> OnlyView() const;
+  /// A view that some sample may see, by slot, and the ray of one that does.
+  struct Seen {
+    int32_t view = kNoView;
+    std::optional<Eigen::Vector2f> ray;
+  };
+  int num_slots() const { return static_cast<int>(views_.size()); }
+  Seen At(int slot) const;
 
   /// Rays and slots (as numbers) of four samples side by side.
   struct Row {
@@ -65,17 +54,22 @@ class CellSamples {
   static constexpr int kNumSamples = kNumCenters + kLine * kLine;
   static constexpr int kNumPadded = (kNumSamples + kSize - 1) / kSize * kSize;
 
-  Row RowAt(size_t first) const;
-  Eigen::Vector2f RayAt(size_t sample) const { return {x_[sample], y_[sample]}; }
-  void Place(int x, int y);
-  void CastUnresolvedCorners(CellSurfaces& surfaces);
+  Row RowAt(size_t first) const {
+    using Values = Eigen::Map<const Eigen::Array4f>;
+    return {{Values(&x_[first]), Values(&y_[first])}, Values(&slots_[first])};
+  }
+  /// Gives the samples from `begin` on the nearest of the views that they meet, or kSky.
+  void ChooseNearest(size_t begin);
+  /// Asks a ray where samples of [begin, end) see no surface yet.
+  void CastWhereSky(size_t begin, size_t end);
+  int SlotOf(int32_t view);
 
   const RayTable& table_;
   const RayCaster& caster_;
   alignas(16) std::array<float, kNumPadded> x_{};  ///< centres row by row, then corners
   alignas(16) std::array<float, kNumPadded> y_{};
   alignas(16) std::array<float, kNumPadded> slots_{};
-  std::array<int32_t, kNumCenters> center_views_{};
+  std::vector<int32_t> views_;  ///< by slot
 };
 
 }  // namespace mapp::sim

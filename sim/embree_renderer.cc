@@ -16,8 +16,9 @@
 #include <vector>
 
 // Rays are cast through the corners of cells of 4 x 4 pixels. Most cells show one surface, whose depth and texture
-// follow from its plane without further rays. Where surfaces meet, more rays find them, and a pixel that shows several
-// blends them. Four pixels side by side are drawn at once.
+// follow from its plane without further rays. Where surfaces meet, those whose edges pass there tell by their planes and
+// borders which is seen, and a pixel that shows several blends them; only crowded cells need more rays. Four pixels side
+// by side are drawn at once.
 
 namespace mapp::sim {
 namespace {
@@ -45,7 +46,7 @@ class Drawing {
       for (int view = chunk * kViewsAtOnce; view < end; ++view) grid_.MarkEdges(caster_.views(), view);
     });
     ParallelFor(options_.num_threads, grid_.rows(), [&](int row) {
-      RowState state{CellSurfaces(caster_.views()), CellSamples(rays_, caster_), {}};
+      RowState state{CellSamples(rays_, caster_), {}};
       for (int column = 0; column < grid_.columns(); ++column) DrawCell(column, row, state);
     });
     return std::move(frame_);
@@ -58,7 +59,6 @@ class Drawing {
 
   /// What the cells of a row hand on to each other.
   struct RowState {
-    CellSurfaces surfaces;
     CellSamples samples;
     /// Of the last plain cells; neighbours that show the same surface share it.
     struct {
@@ -79,13 +79,18 @@ class Drawing {
     const Cell cell{grid_.FirstX(column), grid_.FirstY(row), grid_.FirstX(column + 1), grid_.FirstY(row + 1)};
     const int32_t* top = grid_.CornerViews(row) + column;
     if (grid_.IsPlain(column, row)) return DrawPlain(cell, top[0], state);
-    const bool all_meet = state.samples.AllMeet(top[0], cell.x0, cell.y0);
-    // Cells are suspected with some margin: some have an edge near them, not in them.
-    if (all_meet && grid_.CornersAgree(column, row)) return DrawPlain(cell, top[0], state);
-    const int32_t* bottom = grid_.CornerViews(row + 1) + column;
-    state.surfaces.Begin(RayPerX(cell), RayPerY(cell));
-    state.samples.Resolve({top[0], top[1], bottom[0], bottom[1]}, state.surfaces);
-    for (int y = cell.y0; y < cell.y1; ++y) DrawMixed(cell, y, state.samples, state.surfaces);
+    CellSamples& samples = state.samples;
+    samples.Begin(cell.x0, cell.y0);
+    if (const auto candidates = grid_.CandidatesOf(column, row)) {
+      samples.Resolve(*candidates);
+    } else {
+      samples.Cast();
+    }
+    // Edges mark cells with some margin: some have one near them, not in them.
+    if (const std::optional<int32_t> view = samples.OnlyView()) return DrawPlain(cell, *view, state);
+    std::array<Strip, kCell_px> strips;
+    for (int slot = CellSamples::kSky; slot < samples.num_slots(); ++slot) AddSlot(cell, samples, slot, strips);
+    for (int y = cell.y0; y < cell.y1; ++y) Store(strips[static_cast<size_t>(y - cell.y0)], cell, y);
   }
 
   Eigen::Vector2f RayPerX(const Cell& cell) const {
@@ -124,48 +129,54 @@ class Drawing {
     for (int y = cell.y0; y < cell.y1; ++y) Store(strip, cell, y);
   }
 
-  /// One line of a cell that shows several surfaces; they are blended as the samples see them. The centre counts for
-  /// half of the pixel, the corners, which four pixels share, for an eighth each. Depth is the centre's.
-  void DrawMixed(const Cell& cell, int y, const CellSamples& samples, const CellSurfaces& surfaces) {
-    const int line = y - cell.y0;
-    const CellSamples::Row centers = samples.Centers(line);
-    const std::array<CellSamples::Row, 4> corners = {samples.Corners(line, 0), samples.Corners(line, 1),
-                                                     samples.Corners(line + 1, 0), samples.Corners(line + 1, 1)};
-    Strip strip;
-    for (int slot = CellSurfaces::kSky; slot < surfaces.size(); ++slot) {
-      const auto number = static_cast<float>(slot);
-      Eigen::Array4f weight = (centers.slots == number).select(Eigen::Array4f::Constant(0.5F), 0.0F);
-      // Samples of one surface are looked up once, in their middle, which the surface covers as it is convex.
-      RayRow middle{weight * centers.rays.x, weight * centers.rays.y};
-      for (const CellSamples::Row& corner : corners) {
-        const Eigen::Array4f share = (corner.slots == number).select(Eigen::Array4f::Constant(0.125F), 0.0F);
-        weight += share;
-        middle.x += share * corner.rays.x;
-        middle.y += share * corner.rays.y;
-      }
-      if (!(weight > 0.0F).any()) continue;
-      if (slot == CellSurfaces::kSky) {
-        AddSky(weight, strip);
-        continue;
-      }
-      const SurfacePatch& patch = surfaces[slot];
-      // Pixels that do not show the surface look where it surely is.
-      const Eigen::Array4f scale = weight.max(0.125F).inverse();
-      middle.x = (weight > 0.0F).select(middle.x * scale, patch.ray().x());
-      middle.y = (weight > 0.0F).select(middle.y * scale, patch.ray().y());
-      Add(weight * patch.GrayAt(middle), patch.tint_rgb(), strip);
-      const Eigen::Array4f inverse_depth = patch.InverseDepthOf(centers.rays);
-      strip.depth_m = (centers.slots == number).select(inverse_depth.inverse(), strip.depth_m);
-    }
-    Store(strip, cell, y);
-  }
-
   /// Levels and depths of four pixels.
   struct Strip {
     Eigen::Array4f gray = Eigen::Array4f::Zero();
     Eigen::Array4f depth_m = Eigen::Array4f::Zero();
     std::array<Eigen::Array4f, 3> color = {gray, gray, gray};
   };
+
+  /// What one of the surfaces of a cell adds to it. They are blended as the samples see them: the centre counts for
+  /// half of the pixel, the corners, which four pixels share, for an eighth each. Depth is the centre's.
+  void AddSlot(const Cell& cell, const CellSamples& samples, int slot, std::array<Strip, kCell_px>& strips) const {
+    SurfacePatch patch;
+    if (slot != CellSamples::kSky) {
+      const CellSamples::Seen seen = samples.At(slot);
+      if (!seen.ray) return;
+      patch = SurfacePatch(caster_.views()[static_cast<size_t>(seen.view)], *seen.ray, RayPerX(cell), RayPerY(cell));
+    }
+    const auto number = static_cast<float>(slot);
+    for (int line = 0; line < kCell_px; ++line) {
+      const CellSamples::Row centers = samples.Centers(line);
+      const Int4 at_center = AreEqual(centers.slots, number);
+      Eigen::Array4f weight = Masked(at_center, Eigen::Array4f::Constant(0.5F));
+      // Samples of one surface are looked up once, in their middle, which the surface covers as it is convex.
+      RayRow middle{weight * centers.rays.x, weight * centers.rays.y};
+      for (const int below : {0, 1}) {
+        for (const int right : {0, 1}) {
+          const CellSamples::Row corner = samples.Corners(line + below, right);
+          const Eigen::Array4f share = Masked(AreEqual(corner.slots, number), Eigen::Array4f::Constant(0.125F));
+          weight += share;
+          middle.x += share * corner.rays.x;
+          middle.y += share * corner.rays.y;
+        }
+      }
+      const Int4 is_seen = AreGreater(weight, Eigen::Array4f::Zero());
+      if (!IsAnySet(is_seen)) continue;
+      Strip& strip = strips[static_cast<size_t>(line)];
+      if (slot == CellSamples::kSky) {
+        AddSky(weight, strip);
+        continue;
+      }
+      // Pixels that do not show the surface look where it surely is.
+      const Eigen::Array4f scale = weight.max(0.125F).inverse();
+      middle.x = Select(is_seen, middle.x * scale, Eigen::Array4f::Constant(patch.ray().x()));
+      middle.y = Select(is_seen, middle.y * scale, Eigen::Array4f::Constant(patch.ray().y()));
+      Add(weight * patch.GrayAt(middle), patch.tint_rgb(), strip);
+      const Eigen::Array4f inverse_depth = patch.InverseDepthOf(centers.rays);
+      strip.depth_m = Select(at_center, inverse_depth.inverse(), strip.depth_m);
+    }
+  }
 
   void Add(const Eigen::Array4f& level, const Eigen::Vector3f& tint_rgb, Strip& strip) const {
     strip.gray += level;

@@ -67,18 +67,12 @@ SurfacePatch::SurfacePatch(const QuadView& view, const Eigen::Vector2f& ray, con
       texture_(view.quad->texture.get()),
       ray_(ray),
       beyond_(Repeats(view.quad->window) ? Texture::Beyond::kRepeat : Texture::Beyond::kClamp) {
-  // Only differences from here are counted in float: 1e-7 of a coordinate of 100 m would be seen.
-  const Eigen::Vector3d d = ray.cast<double>().homogeneous();
-  const auto around = [&](const Eigen::Vector3d& coefficients) {
-    return Linear{static_cast<float>(coefficients.dot(d)), static_cast<float>(coefficients.x()),
-                  static_cast<float>(coefficients.y())};
-  };
   const TextureWindow& window = quad_->window;
-  inverse_depth_ = around(view.inverse_depth);
-  u_over_z_ = around(view.u_over_z);
-  v_over_z_ = around(view.v_over_z);
-  texture_u_over_z_ = around(window.u0 * view.inverse_depth + (window.u1 - window.u0) * view.u_over_z);
-  texture_v_over_z_ = around(window.v0 * view.inverse_depth + (window.v1 - window.v0) * view.v_over_z);
+  inverse_depth_ = RayLinear(view.inverse_depth, ray);
+  u_over_z_ = RayLinear(view.u_over_z, ray);
+  v_over_z_ = RayLinear(view.v_over_z, ray);
+  texture_u_over_z_ = RayLinear(window.u0 * view.inverse_depth + (window.u1 - window.u0) * view.u_over_z, ray);
+  texture_v_over_z_ = RayLinear(window.v0 * view.inverse_depth + (window.v1 - window.v0) * view.v_over_z, ray);
   depth_m_ = 1.0F / inverse_depth_.at_ray;
   ChooseLookup(ray_per_x, ray_per_y);
 }
@@ -88,7 +82,7 @@ void SurfacePatch::ChooseLookup(const Eigen::Vector2f& ray_per_x, const Eigen::V
   const Eigen::Vector2f size(static_cast<float>(texture_->width()), static_cast<float>(texture_->height()));
   const Eigen::Vector2f uv = depth_m_ * Eigen::Vector2f(texture_u_over_z_.at_ray, texture_v_over_z_.at_ray);
   const auto on_texture = [&](const Eigen::Vector2f& step) {
-    const auto along = [&](const Linear& f) { return f.per_x * step.x() + f.per_y * step.y(); };
+    const auto along = [&](const RayLinear& f) { return f.per_x * step.x() + f.per_y * step.y(); };
     const Eigen::Vector2f over_z(along(texture_u_over_z_), along(texture_v_over_z_));
     return Eigen::Vector2f(depth_m_ * (over_z - uv * along(inverse_depth_)).cwiseProduct(size));
   };
@@ -186,19 +180,6 @@ inline Eigen::Array4f SurfacePatch::Brightness(const RayRow& off, const Eigen::A
   const Eigen::Array4f step = (factors[1] + (factors[3] - factors[1]) * along - top) / kLast;
   for (size_t i = 0; i < rays.size(); ++i) look.gray[i] *= top + static_cast<float>(i) * step;
   return look;
-}
-
-Eigen::Array4f SurfacePatch::InverseDepthIfMet(const RayRow& rays) const {
-  // u and v in [0, 1], multiplied by 1/z; rectangles that touch leave no gap between them.
-  constexpr float kSlack = 1e-5F;
-  const RayRow off = OffOf(rays);
-  const Eigen::Array4f inverse_depth = inverse_depth_(off);
-  const Eigen::Array4f low = -kSlack * inverse_depth;
-  const Eigen::Array4f high = (1 + kSlack) * inverse_depth;
-  const Eigen::Array4f u = u_over_z_(off);
-  const Eigen::Array4f v = v_over_z_(off);
-  const auto is_met = inverse_depth > 0.0F && u >= low && u <= high && v >= low && v <= high;
-  return is_met.select(inverse_depth, Eigen::Array4f::Zero());
 }
 
 }  // namespace mapp::sim

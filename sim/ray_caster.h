@@ -13,9 +13,6 @@
 
 namespace mapp::sim {
 
-/// Where a ray meets none of the views.
-inline constexpr int32_t kNoView = -1;
-
 /// Finds which rectangle each ray of one frame meets first. Thread-safe.
 class RayCaster {
  public:

@@ -98,8 +98,8 @@ inline Eigen::Array4f Texture::Level::At(const Eigen::Array4f& u, const Eigen::A
     y = y.max(0.0F).min(size_y - 1);
   } else {
     // u and v are in [0, 1], so the position is in [-0.5, size - 0.5], and in [0, size] when moved.
-    x = (x < 0.0F).select(x + size_x, x);
-    y = (y < 0.0F).select(y + size_y, y);
+    x += Masked(AreGreater(Eigen::Array4f::Zero(), x), Eigen::Array4f::Constant(size_x));
+    y += Masked(AreGreater(Eigen::Array4f::Zero(), y), Eigen::Array4f::Constant(size_y));
   }
   const Int4 x0 = Truncate(x);
   const Int4 y0 = Truncate(y);
