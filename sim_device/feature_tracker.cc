@@ -159,7 +159,8 @@ SeenFrame FeatureTracker::Impl::Look(const Pose3& T_world_eye, int64_t stamp_ns)
 
 void FeatureTracker::Impl::LocalizeOnSharedMap(SeenFrame& seen, TrackingResult& result) {
   const int generation_before = localizer.generation();
-  tracker::SharedLocalizer::Outcome outcome = localizer.Localize(*seen.frame, T_session_camera, relocalizer);
+  tracker::SharedLocalizer::Outcome outcome =
+      localizer.Localize(*seen.frame, T_session_camera, tracker::PoseBound::AroundGuess(T_session_camera), relocalizer);
   result.shared_map_number = outcome.shared_map_number;
   result.num_shared_matches = outcome.num_matches;
   on_shared_map = outcome.localized;

@@ -3,12 +3,20 @@
 #include "client_sdk/src/tracker/local_window.h"
 #include "vision/robust_estimators.h"
 
+#include <numbers>
+
 namespace mapp::tracker {
 namespace {
 
 constexpr size_t kMaxCandidates = 5;
 constexpr int kMinPnpInliers = 15;
 constexpr double kMaxPnpErrorPx = 4.0;
+
+/// A map that many extended bends over a hundred metres, and alignments are off by degrees at their far end.
+constexpr double kMaxCorrectionM = 1.5;
+constexpr double kMaxCorrectionRad = 15 * std::numbers::pi / 180;
+/// Faster than a runner; cars that park and drones indoors are slower still.
+constexpr double kMaxSpeedM_s = 5;
 
 std::vector<OrbDescriptor> DescriptorsOf(const Frame& frame) {
   std::vector<OrbDescriptor> descriptors;
@@ -35,6 +43,19 @@ std::vector<Match> MatchPoints(const Frame& frame, std::span<const PointView> po
 
 }  // namespace
 
+PoseBound PoseBound::AroundGuess(const Pose3& T_session_camera) {
+  return {T_session_camera, kMaxCorrectionM, kMaxCorrectionRad};
+}
+
+PoseBound PoseBound::SinceLost(const Pose3& T_session_camera, double elapsed_s) {
+  return {T_session_camera, kMaxCorrectionM + kMaxSpeedM_s * elapsed_s, std::numbers::pi};
+}
+
+bool PoseBound::Holds(const Pose3& T_session_camera_found) const {
+  return Distance(T_session_camera, T_session_camera_found) <= max_distance_m &&
+         RotationAngle(T_session_camera, T_session_camera_found) <= max_angle_rad;
+}
+
 Relocalizer::Relocalizer(const TrackingCamera& camera, int min_inliers)
     : camera_(camera), min_inliers_(min_inliers), index_(PlaceIndex::Options()) {}
 
@@ -50,7 +71,8 @@ void Relocalizer::RetireGeneration(int generation) {
   keyframes_by_generation_.erase(generation);
 }
 
-std::optional<PoseEstimate> Relocalizer::FindAmongKeyframes(const Frame& frame, const SharedSessionMap& shared) const {
+std::optional<PoseEstimate> Relocalizer::FindAmongKeyframes(const Frame& frame, const SharedSessionMap& shared,
+                                                            const PoseBound& bound) const {
   for (const PlaceIndex::Candidate& candidate : index_.Query(DescriptorsOf(frame), kMaxCandidates)) {
     std::vector<PointView> points;
     LocalWindow window;
@@ -60,18 +82,19 @@ std::optional<PoseEstimate> Relocalizer::FindAmongKeyframes(const Frame& frame, 
       points = CopyPoints(shared.map, keyframe.points);
       window = GatherLocalWindow(shared.map, keyframe.points, keyframe.T_session_camera, keyframe.generation);
     }
-    if (auto found = Verify(frame, camera_.own_map, points, window.points)) return found;
+    if (auto found = Verify(frame, camera_.own_map, points, window.points, bound)) return found;
   }
   return std::nullopt;
 }
 
-std::optional<PoseEstimate> Relocalizer::FindAmongPoints(const Frame& frame, std::span<const PointView> points) const {
-  return Verify(frame, camera_.shared_map, points, points);
+std::optional<PoseEstimate> Relocalizer::FindAmongPoints(const Frame& frame, std::span<const PointView> points,
+                                                         const PoseBound& bound) const {
+  return Verify(frame, camera_.shared_map, points, points, bound);
 }
 
 std::optional<PoseEstimate> Relocalizer::Verify(const Frame& frame, const DepthTrust& trust,
                                                 std::span<const PointView> candidates,
-                                                std::span<const PointView> all_points) const {
+                                                std::span<const PointView> all_points, const PoseBound& bound) const {
   const std::vector<Match> matches = MatchPoints(frame, candidates);
   std::vector<Eigen::Vector3d> p_session;
   std::vector<Eigen::Vector2d> pixels;
@@ -93,7 +116,7 @@ std::optional<PoseEstimate> Relocalizer::Verify(const Frame& frame, const DepthT
   search.radius_px = 8;
   PoseEstimate guided =
       SearchAndRefine(frame, camera_, trust, refined.T_session_camera, all_points, search, min_inliers_);
-  if (guided.num_inliers < min_inliers_) return std::nullopt;
+  if (guided.num_inliers < min_inliers_ || !bound.Holds(guided.T_session_camera)) return std::nullopt;
   return guided;
 }
 

@@ -83,11 +83,11 @@ std::optional<int> SharedLocalizer::Leave(bool* was_adopted) {
 
 SharedLocalizer::Outcome SharedLocalizer::Localize(const Frame& frame,
                                                    const std::optional<Pose3>& T_session_camera_guess,
-                                                   const Relocalizer& relocalizer) {
+                                                   const PoseBound& bound, const Relocalizer& relocalizer) {
   Outcome outcome;
   const Loaded& map = tried_ ? *tried_ : *adopted_;
   outcome.shared_map_number = map.number;
-  outcome.estimate = EstimateOn(map, frame, T_session_camera_guess, relocalizer);
+  outcome.estimate = EstimateOn(map, frame, T_session_camera_guess, bound, relocalizer);
   outcome.num_matches = outcome.estimate.num_inliers;
   outcome.localized = outcome.num_matches >= RequiredMatches(frame.size(), options_) &&
                       CoversView(frame, outcome.estimate.points, camera_.recorded);
@@ -100,7 +100,7 @@ SharedLocalizer::Outcome SharedLocalizer::Localize(const Frame& frame,
 }
 
 PoseEstimate SharedLocalizer::EstimateOn(const Loaded& map, const Frame& frame,
-                                         const std::optional<Pose3>& T_session_camera_guess,
+                                         const std::optional<Pose3>& T_session_camera_guess, const PoseBound& bound,
                                          const Relocalizer& relocalizer) {
   const int required = RequiredMatches(frame.size(), options_);
   PoseEstimate estimate;
@@ -118,7 +118,7 @@ PoseEstimate SharedLocalizer::EstimateOn(const Loaded& map, const Frame& frame,
   // Descriptors alone find the pose where the guess is off by more than the window, but cost a comparison with every
   // point: worth it at a new map and when there is no guess.
   if (estimate.num_inliers < required && (first_frame_ || !T_session_camera_guess)) {
-    if (auto found = relocalizer.FindAmongPoints(frame, map.points)) estimate = *std::move(found);
+    if (auto found = relocalizer.FindAmongPoints(frame, map.points, bound)) estimate = *std::move(found);
   }
   if (estimate.num_inliers < options_.min_tracked_points) return estimate;
   SearchOptions fine;

@@ -41,8 +41,9 @@ class SharedLocalizer {
   std::optional<int> Leave(bool* was_adopted);
 
   bool in_use() const { return in_use_; }
-  /// Localizes a frame on the map in use. `guess` is absent when tracking is lost.
-  Outcome Localize(const Frame& frame, const std::optional<Pose3>& T_session_camera_guess,
+  /// Localizes a frame on the map in use. `guess` is absent when tracking is lost; what is found without its help must
+  /// lie within `bound`.
+  Outcome Localize(const Frame& frame, const std::optional<Pose3>& T_session_camera_guess, const PoseBound& bound,
                    const Relocalizer& relocalizer);
   /// Points of the map adopted last: known points of the present generation.
   std::span<const PointView> known_points() const;
@@ -61,7 +62,7 @@ class SharedLocalizer {
   };
 
   PoseEstimate EstimateOn(const Loaded& map, const Frame& frame, const std::optional<Pose3>& T_session_camera_guess,
-                          const Relocalizer& relocalizer);
+                          const PoseBound& bound, const Relocalizer& relocalizer);
 
   SharedSessionMap& shared_;
   const TrackingCamera& camera_;

@@ -66,9 +66,14 @@ TrackingResult TrackingSession::TrackStarted(const std::shared_ptr<const Frame>&
   front_end_.Refresh();
   std::optional<PoseEstimate> estimate;
   if (state_ == TrackingState::kTracking) estimate = front_end_.TrackFromLast(*frame);
-  if (TrackOnSharedMap(frame, estimate, &result)) return result;
+  const TrackedFrame& last = *front_end_.last();
+  const PoseBound bound =
+      estimate ? PoseBound::AroundGuess(estimate->T_session_camera)
+               : PoseBound::SinceLost(last.T_session_camera,
+                                      1e-9 * static_cast<double>(frame->stamp_ns - last.frame->stamp_ns));
+  if (TrackOnSharedMap(frame, estimate, bound, &result)) return result;
 
-  if (!estimate) estimate = Relocalize(*frame);
+  if (!estimate) estimate = Relocalize(*frame, bound);
   std::optional<TrackedFrame> tracked;
   if (estimate) {
     tracked =
@@ -83,12 +88,13 @@ TrackingResult TrackingSession::TrackStarted(const std::shared_ptr<const Frame>&
 }
 
 bool TrackingSession::TrackOnSharedMap(const std::shared_ptr<const Frame>& frame,
-                                       const std::optional<PoseEstimate>& estimate, TrackingResult* result) {
+                                       const std::optional<PoseEstimate>& estimate, const PoseBound& bound,
+                                       TrackingResult* result) {
   if (!shared_localizer_.in_use()) return false;
   std::optional<Pose3> T_session_camera_guess;
   if (estimate) T_session_camera_guess = estimate->T_session_camera;
   const int generation_before = shared_localizer_.generation();
-  SharedLocalizer::Outcome outcome = shared_localizer_.Localize(*frame, T_session_camera_guess, relocalizer_);
+  SharedLocalizer::Outcome outcome = shared_localizer_.Localize(*frame, T_session_camera_guess, bound, relocalizer_);
   result->shared_map_number = outcome.shared_map_number;
   result->num_shared_matches = outcome.num_matches;
   if (!outcome.localized) return false;
@@ -107,10 +113,10 @@ bool TrackingSession::TrackOnSharedMap(const std::shared_ptr<const Frame>& frame
   return true;
 }
 
-std::optional<PoseEstimate> TrackingSession::Relocalize(const Frame& frame) const {
-  if (auto found = relocalizer_.FindAmongKeyframes(frame, shared_)) return found;
+std::optional<PoseEstimate> TrackingSession::Relocalize(const Frame& frame, const PoseBound& bound) const {
+  if (auto found = relocalizer_.FindAmongKeyframes(frame, shared_, bound)) return found;
   if (shared_localizer_.known_points().empty()) return std::nullopt;
-  return relocalizer_.FindAmongPoints(frame, shared_localizer_.known_points());
+  return relocalizer_.FindAmongPoints(frame, shared_localizer_.known_points(), bound);
 }
 
 void TrackingSession::Accept(TrackedFrame tracked, TrackingResult* result) {

@@ -38,8 +38,8 @@ class TrackingSession {
   TrackingResult TrackStarted(const std::shared_ptr<const Frame>& frame);
   /// Tries the shared map in use, if any; fills the result's fields about it. True when the frame is localized on it.
   bool TrackOnSharedMap(const std::shared_ptr<const Frame>& frame, const std::optional<PoseEstimate>& estimate,
-                        TrackingResult* result);
-  std::optional<PoseEstimate> Relocalize(const Frame& frame) const;
+                        const PoseBound& bound, TrackingResult* result);
+  std::optional<PoseEstimate> Relocalize(const Frame& frame, const PoseBound& bound) const;
   /// Takes a tracked frame as the last one and makes it a (would-be) keyframe if that is due.
   void Accept(TrackedFrame tracked, TrackingResult* result);
   void InsertKeyframe();

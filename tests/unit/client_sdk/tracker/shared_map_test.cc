@@ -137,6 +137,18 @@ TEST_F(SharedMapTest, KeepsItsOwnMapWhenTheSharedOneDoesNotFit) {
   EXPECT_EQ(Track(8).shared_map_number, 0U);
 }
 
+TEST_F(SharedMapTest, APlaceThatLooksTheSameIsNotSteppedTo) {
+  for (size_t i = 0; i < 4; ++i) Track(i);
+  const Pose3 T_session_map(Eigen::Quaterniond::Identity(), {0, 0, 16});  // the garage's next aisle
+  tracker_->TakeSharedMap(MapMovedBy(T_session_map, 1));
+  for (size_t i = 4; i < 8; ++i) {
+    const TrackingResult result = Track(i);
+    EXPECT_EQ(result.state, TrackingState::kTracking);
+    EXPECT_FALSE(result.on_shared_map) << "frame " << i;
+    EXPECT_LT(Distance(result.T_session_camera, TruePose(i)), kPoseToleranceM) << "frame " << i;
+  }
+}
+
 TEST_F(SharedMapTest, GoesFromOneSharedMapToTheNext) {
   for (size_t i = 0; i < 4; ++i) Track(i);
   tracker_->TakeSharedMap(MapMovedBy(Pose3(), 1));
