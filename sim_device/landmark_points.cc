@@ -64,11 +64,13 @@ int LandmarkPoints::AddKeyframe(const std::shared_ptr<const tracker::Frame>& fra
   MutexLock lock(shared_.mutex);
   tracker::SessionMap& map = shared_.map;
   const int keyframe_idx = map.AddKeyframe(frame, T_session_camera, points, generation);
+  std::vector<bool> makes_point(frame->size(), false);
+  for (const size_t feature : tracker::FeaturesForPoints(*frame, camera_)) makes_point[feature] = true;
   for (size_t feature = 0; feature < frame->size(); ++feature) {
     int point_idx = points[feature];
     const bool is_new = point_idx == tracker::kNone;
     if (is_new) {
-      if (!tracker::HasUsableDepth(*frame, feature, camera_)) continue;
+      if (!makes_point[feature]) continue;
       point_idx = map.AddPoint(tracker::DepthPoint(*frame, feature, camera_, T_session_camera), keyframe_idx,
                                static_cast<int>(feature));
     }

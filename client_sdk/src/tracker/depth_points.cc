@@ -1,10 +1,37 @@
 #include "client_sdk/src/tracker/depth_points.h"
 
+#include <algorithm>
+#include <utility>
+
 namespace mapp::tracker {
+namespace {
+
+constexpr size_t kMinPoints = 100;
+
+}  // namespace
 
 bool HasUsableDepth(const Frame& frame, size_t feature, const TrackingCamera& camera) {
   const auto depth_m = static_cast<double>(frame.depths_m[feature]);
   return depth_m >= kMinPointDepthM && depth_m <= camera.max_depth_m;
+}
+
+std::vector<size_t> FeaturesForPoints(const Frame& frame, const TrackingCamera& camera) {
+  std::vector<size_t> chosen, far;
+  for (size_t feature = 0; feature < frame.size(); ++feature) {
+    if (HasUsableDepth(frame, feature, camera)) {
+      chosen.push_back(feature);
+    } else if (static_cast<double>(frame.depths_m[feature]) >= kMinPointDepthM) {
+      far.push_back(feature);
+    }
+  }
+  if (chosen.size() >= kMinPoints || far.empty()) return chosen;
+  const size_t num_added = std::min(kMinPoints - chosen.size(), far.size());
+  std::partial_sort(
+      far.begin(), far.begin() + static_cast<std::ptrdiff_t>(num_added), far.end(),
+      [&](size_t a, size_t b) { return std::pair(frame.depths_m[a], a) < std::pair(frame.depths_m[b], b); });
+  chosen.insert(chosen.end(), far.begin(), far.begin() + static_cast<std::ptrdiff_t>(num_added));
+  std::sort(chosen.begin(), chosen.end());
+  return chosen;
 }
 
 Eigen::Vector3d DepthPoint(const Frame& frame, size_t feature, const TrackingCamera& camera,
@@ -17,9 +44,8 @@ Eigen::Vector3d DepthPoint(const Frame& frame, size_t feature, const TrackingCam
 std::vector<PointView> DepthPointViews(const Frame& frame, const TrackingCamera& camera, const Pose3& T_session_camera,
                                        std::span<const int> points) {
   std::vector<PointView> views;
-  for (size_t feature = 0; feature < frame.size(); ++feature) {
+  for (const size_t feature : FeaturesForPoints(frame, camera)) {
     if (!points.empty() && points[feature] != kNone) continue;
-    if (!HasUsableDepth(frame, feature, camera)) continue;
     PointView view;
     view.p_session = DepthPoint(frame, feature, camera, T_session_camera);
     const Eigen::Vector3d ray = view.p_session - T_session_camera.translation();

@@ -9,7 +9,7 @@ namespace mapp::tracker {
 namespace {
 
 /// Features with depth that the first frame needs: a map begun on less is soon lost.
-constexpr int kMinStartPoints = 100;
+constexpr size_t kMinStartPoints = 100;
 /// Keyframes waiting for local mapping beyond which no further one is made.
 constexpr size_t kMaxWaitingKeyframes = 3;
 /// Points that a pose found without a guess must rest on.
@@ -45,18 +45,15 @@ TrackingResult TrackingSession::Track(const std::shared_ptr<const Frame>& frame)
 
 TrackingResult TrackingSession::Start(const std::shared_ptr<const Frame>& frame) {
   TrackingResult result;
-  int num_with_depth = 0;
-  for (size_t feature = 0; feature < frame->size(); ++feature) {
-    if (HasUsableDepth(*frame, feature, camera_)) ++num_with_depth;
-  }
-  if (num_with_depth < kMinStartPoints) return result;
+  const size_t num_points = FeaturesForPoints(*frame, camera_).size();
+  if (num_points < kMinStartPoints) return result;
   TrackedFrame first;
   first.frame = frame;
   first.points.assign(frame->size(), kNone);
   front_end_.SetLast(std::move(first), /*consecutive=*/false);
   InsertKeyframe();
   result.state = TrackingState::kTracking;
-  result.num_matches = num_with_depth;
+  result.num_matches = static_cast<int>(num_points);
   result.is_keyframe = true;
   return result;
 }
@@ -145,8 +142,8 @@ void TrackingSession::InsertKeyframe() {
     MutexLock lock(shared_.mutex);
     SessionMap& map = shared_.map;
     keyframe_idx = map.AddKeyframe(last.frame, last.T_session_camera, last.points, generation);
-    for (size_t feature = 0; feature < frame.size(); ++feature) {
-      if (map.keyframe(keyframe_idx).points[feature] != kNone || !HasUsableDepth(frame, feature, camera_)) continue;
+    for (const size_t feature : FeaturesForPoints(frame, camera_)) {
+      if (map.keyframe(keyframe_idx).points[feature] != kNone) continue;
       const Eigen::Vector3d p_session = DepthPoint(frame, feature, camera_, last.T_session_camera);
       map.AddPoint(p_session, keyframe_idx, static_cast<int>(feature));
     }

@@ -1,5 +1,6 @@
 #include "client_sdk/src/tracker/triangulation.h"
 
+#include "client_sdk/src/tracker/depth_points.h"
 #include "vision/matching.h"
 
 #include <Eigen/Geometry>
@@ -19,16 +20,14 @@ constexpr double kMinBaselineM = 0.03;
 struct View {
   std::shared_ptr<const Frame> frame;
   Pose3 T_session_camera;
-  std::vector<int> open;  ///< features with neither point nor depth
+  std::vector<int> open;  ///< features without a point
 };
 
 View CopyView(const SessionMap& map, int keyframe_idx) {
   const MapKeyframe& keyframe = map.keyframe(keyframe_idx);
   View view{keyframe.frame, keyframe.T_session_camera, {}};
   for (size_t feature = 0; feature < keyframe.points.size(); ++feature) {
-    if (keyframe.points[feature] == kNone && !(keyframe.frame->depths_m[feature] > 0)) {
-      view.open.push_back(static_cast<int>(feature));
-    }
+    if (keyframe.points[feature] == kNone) view.open.push_back(static_cast<int>(feature));
   }
   return view;
 }
@@ -70,8 +69,12 @@ std::optional<Eigen::Vector3d> Triangulate(const View& a, const View& b, const T
     const Eigen::Vector3d d_camera = camera.pinhole.Unproject(view.frame->pixels[static_cast<size_t>(feature)]);
     return Eigen::Vector3d(view.T_session_camera.rotation() * d_camera.normalized());
   };
-  const std::optional<Eigen::Vector3d> p_session = Intersect(a.T_session_camera.translation(), ray(a, feature_a),
-                                                             b.T_session_camera.translation(), ray(b, feature_b));
+  std::optional<Eigen::Vector3d> p_session = Intersect(a.T_session_camera.translation(), ray(a, feature_a),
+                                                       b.T_session_camera.translation(), ray(b, feature_b));
+  // Too far for this motion, but perhaps not for the stereo baseline: a measured depth that fits both views will do.
+  if (!p_session && static_cast<double>(a.frame->depths_m[static_cast<size_t>(feature_a)]) >= kMinPointDepthM) {
+    p_session = DepthPoint(*a.frame, static_cast<size_t>(feature_a), camera, a.T_session_camera);
+  }
   if (!p_session || !Reprojects(a, camera, feature_a, *p_session) || !Reprojects(b, camera, feature_b, *p_session)) {
     return std::nullopt;
   }

@@ -1,3 +1,4 @@
+#include "client_sdk/src/tracker/depth_points.h"
 #include "client_sdk/src/tracker/frame.h"
 #include "client_sdk/src/tracker/tracking_camera.h"
 
@@ -49,6 +50,34 @@ TEST(LookUpDepthTest, HasNoneAtTheBorderOrBeyond) {
   for (const Keypoint& keypoint : {At(0, 10), At(19, 10), At(10, 0), At(10, 19), At(-5, 10), At(25, 10)}) {
     EXPECT_EQ(LookUpDepth(depth.View(), keypoint), 0);
   }
+}
+
+/// `num_near` features 2 m away, then `num_far` beyond what the camera trusts, the farthest first, and one without
+/// depth.
+Frame FrameWithDepths(size_t num_near, size_t num_far) {
+  Frame frame;
+  frame.depths_m.assign(num_near, 2.0F);
+  for (size_t i = 0; i < num_far; ++i) frame.depths_m.push_back(50.0F - 0.1F * static_cast<float>(i));
+  frame.depths_m.push_back(0);
+  frame.features.resize(frame.depths_m.size());
+  return frame;
+}
+
+TEST(FeaturesForPointsTest, TakesTheNearestOfTheFarWhereFewAreNear) {
+  TrackingCamera camera;
+  camera.max_depth_m = 6;
+  const std::vector<size_t> chosen = FeaturesForPoints(FrameWithDepths(30, 200), camera);
+  ASSERT_EQ(chosen.size(), 100U);
+  for (size_t i = 0; i < 30; ++i) EXPECT_EQ(chosen[i], i);
+  for (size_t i = 30; i < 100; ++i) EXPECT_EQ(chosen[i], i + 130) << "the last of the far ones are the nearest";
+}
+
+TEST(FeaturesForPointsTest, LeavesTheFarWhereEnoughAreNear) {
+  TrackingCamera camera;
+  camera.max_depth_m = 6;
+  EXPECT_EQ(FeaturesForPoints(FrameWithDepths(150, 200), camera).size(), 150U);
+  EXPECT_EQ(FeaturesForPoints(FrameWithDepths(0, 40), camera).size(), 40U);
+  EXPECT_TRUE(FeaturesForPoints(FrameWithDepths(0, 0), camera).empty());
 }
 
 TEST(TrackingCameraTest, DepthReachesSixMetresOrFortyBaselines) {
