@@ -15,7 +15,7 @@ struct MapService::Impl {
       : store(map_store),
         tiles(map_store, options.cache_bytes),
         optimizer(map_store, tiles, events, WithStepTimes(options.optimizer)),
-        registrar(map_store, tiles, events, WithStepTimes(options.registrar)),
+        registrar(map_store, tiles, events, WithOptimizer(WithStepTimes(options.registrar))),
         integrator(map_store, tiles, events, registrar,
                    {.max_packet_bytes = options.max_keyframe_bytes, .association = {}, .step_times = &step_times}),
         shared_map(map_store) {}
@@ -23,6 +23,11 @@ struct MapService::Impl {
   template <typename Options>
   Options WithStepTimes(Options options) {
     options.step_times = &step_times;
+    return options;
+  }
+
+  RegistrarOptions WithOptimizer(RegistrarOptions options) {
+    options.on_closed_merged = [this](SessionId session) { optimizer.OnSessionClosed(session); };
     return options;
   }
 

@@ -1,6 +1,7 @@
 #include "server/service/registrar.h"
 
 #include "server/service/alignment_consensus.h"
+#include "server/service/fragment_index.h"
 #include "server/service/merger.h"
 #include "server/service/serial_worker.h"
 #include "server/service/session_events.h"
@@ -20,6 +21,12 @@ namespace {
 constexpr size_t kMaxWaitingFrames = 4096;
 /// Earlier keyframes of a fragment looked at again when the registrar meets it for the first time after a start.
 constexpr size_t kKeyframesRevisited = 6;
+/// Fragments tried again for one frame that joins the map ...
+constexpr size_t kMaxRecalled = 2;
+/// ... of a merged fragment only each third: neighbours look alike ...
+constexpr size_t kRecallStep = 3;
+/// ... and where a keyframe of the fragment finds its place, so many before and after it are asked too.
+constexpr size_t kNeighborsAsked = 2;
 
 struct Task {
   MapId map;
@@ -33,6 +40,7 @@ struct MapState {
   PlaceIndex index{PlaceIndex::Options{}};
   std::unordered_set<FrameId> indexed_frames;
   std::unordered_map<SessionId, AlignmentConsensus> fragments;
+  FragmentIndex unmerged;  ///< keyframes of metric fragments
 };
 
 }  // namespace
@@ -49,14 +57,20 @@ struct Registrar::Impl {
   Status Process(const Task& task);
   Status ProcessFragmentFrame(MapReader& reader, const FrameRecord& frame, MapState& state);
   /// Asks one keyframe where its session lies and adds its word to `consensus`.
-  StatusOr<AlignmentTried> TryKeyframe(MapReader& reader, const FrameRecord& frame, const PlaceIndex& index,
+  StatusOr<AlignmentTried> TryKeyframe(MapReader& reader, const FrameView& view, const PlaceIndex& index,
                                        AlignmentConsensus& consensus) const;
   StatusOr<AlignmentConsensus*> ConsensusOf(MapReader& reader, const FrameRecord& newest, MapState& state) const;
+  /// Merges the fragment of `newest` if its keyframes have agreed on a place and the way there does not contradict it.
+  Status MergeIfDecided(MapReader& reader, const FrameRecord& newest, AlignmentConsensus& consensus, MapState& state);
   Status Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session, MapState& state);
+  /// Tries the fragments again that have a keyframe like this frame of the map.
+  Status RecallFragments(MapReader& reader, const FrameRecord& frame, MapState& state);
+  Status TryAgain(MapReader& reader, const FrameView& view, MapState& state);
 
   /// The map's state, its index filled from the store when that is not up to date.
   StatusOr<MapState*> StateOf(MapReader& reader, MapId map);
   static Status AddToIndex(MapReader& reader, FrameId frame, MapState& state);
+  /// Those of the map to its index, those of fragments to that of fragments.
   static Status AddFrames(MapReader& reader, MapId map, std::optional<SessionId> session, MapState& state);
 
   MapStore& store;
@@ -84,7 +98,14 @@ Status Registrar::Impl::AddToIndex(MapReader& reader, FrameId frame, MapState& s
 Status Registrar::Impl::AddFrames(MapReader& reader, MapId map, std::optional<SessionId> session, MapState& state) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader.ListFrames(map, session));
   for (const FrameRecord& frame : frames) {
-    if (frame.in_map) MAPP_RETURN_IF_ERROR(AddToIndex(reader, frame.id, state));
+    if (frame.in_map) {
+      MAPP_RETURN_IF_ERROR(AddToIndex(reader, frame.id, state));
+      continue;
+    }
+    MAPP_ASSIGN_OR_RETURN(const SessionRecord record, reader.GetSession(frame.session));
+    if (record.sensor == SensorKind::kMono) continue;
+    MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
+    state.unmerged.Add(frame.session, frame.id, view.Descriptors());
   }
   return absl::OkStatus();
 }
@@ -107,15 +128,14 @@ StatusOr<MapState*> Registrar::Impl::StateOf(MapReader& reader, MapId map) {
   return &state->second;
 }
 
-StatusOr<AlignmentTried> Registrar::Impl::TryKeyframe(MapReader& reader, const FrameRecord& frame,
-                                                      const PlaceIndex& index, AlignmentConsensus& consensus) const {
-  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
+StatusOr<AlignmentTried> Registrar::Impl::TryKeyframe(MapReader& reader, const FrameView& view, const PlaceIndex& index,
+                                                      AlignmentConsensus& consensus) const {
   std::vector<FrameId> candidates;
   for (const PlaceIndex::Candidate& candidate :
        index.Query(view.Descriptors(), static_cast<size_t>(options.max_candidates))) {
     candidates.emplace_back(candidate.frame);
   }
-  AlignmentTried tried{.keyframe = frame.number, .num_candidates = static_cast<uint32_t>(candidates.size())};
+  AlignmentTried tried{.keyframe = view.record.number, .num_candidates = static_cast<uint32_t>(candidates.size())};
   if (candidates.empty()) return tried;
   MAPP_ASSIGN_OR_RETURN(VerificationResult result, VerifyCandidates(reader, view, candidates, options));
   tried.num_inliers = static_cast<uint32_t>(result.best_inliers);
@@ -134,7 +154,8 @@ StatusOr<AlignmentConsensus*> Registrar::Impl::ConsensusOf(MapReader& reader, co
   std::erase_if(earlier, [&](const FrameRecord& frame) { return frame.id >= newest.id; });
   const size_t first = earlier.size() > kKeyframesRevisited ? earlier.size() - kKeyframesRevisited : 0;
   for (size_t i = first; i < earlier.size(); ++i) {
-    MAPP_RETURN_IF_ERROR(TryKeyframe(reader, earlier[i], state.index, *consensus).status());
+    MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, earlier[i].id));
+    MAPP_RETURN_IF_ERROR(TryKeyframe(reader, view, state.index, *consensus).status());
   }
   return consensus;
 }
@@ -146,21 +167,25 @@ Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecor
     return absl::OkStatus();
   }
   const Stopwatch stopwatch;
+  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
   MAPP_ASSIGN_OR_RETURN(AlignmentConsensus* const consensus, ConsensusOf(reader, frame, state));
-  MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, frame, state.index, *consensus));
-  Status merged;
-  if (const std::optional<Pose3> T_map_session = consensus->Decide()) {
-    MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, frame, *T_map_session));
-    if (Tolerates(options, way)) {
-      merged = Merge(reader, frame, *T_map_session, state);
-    } else {
-      consensus->Forget();
-    }
-  }
+  MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, view, state.index, *consensus));
+  state.unmerged.Add(frame.session, frame.id, view.Descriptors());
+  const Status merged = MergeIfDecided(reader, frame, *consensus, state);
   if (options.step_times != nullptr) options.step_times->Add(ServiceStep::kAlignment, stopwatch.Elapsed());
   // After the merge: who waits for the comparison of a keyframe then knows what came of it.
   events.Publish(frame.session, tried);
   return merged;
+}
+
+Status Registrar::Impl::MergeIfDecided(MapReader& reader, const FrameRecord& newest, AlignmentConsensus& consensus,
+                                       MapState& state) {
+  const std::optional<Pose3> T_map_session = consensus.Decide();
+  if (!T_map_session) return absl::OkStatus();
+  MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, newest, *T_map_session));
+  if (Tolerates(options, way)) return Merge(reader, newest, *T_map_session, state);
+  consensus.Forget();
+  return absl::OkStatus();
 }
 
 Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session,
@@ -168,8 +193,48 @@ Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const
   MAPP_ASSIGN_OR_RETURN(const PointFusions fusions, FindFusions(reader, frame.session, T_map_session));
   MAPP_RETURN_IF_ERROR(MergeFragment(store, tiles, events, CallContext{}, frame.session, T_map_session, fusions));
   state.fragments.erase(frame.session);
+  state.unmerged.Remove(frame.session);
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> merged, store.Read());
-  return AddFrames(*merged, frame.map, frame.session, state);
+  MAPP_RETURN_IF_ERROR(AddFrames(*merged, frame.map, frame.session, state));
+  MAPP_ASSIGN_OR_RETURN(const SessionRecord session, merged->GetSession(frame.session));
+  if (session.closed_ns && options.on_closed_merged) options.on_closed_merged(session.id);
+  if (state.unmerged.empty()) return absl::OkStatus();
+  // Other fragments may have been where this one was.
+  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, merged->ListFrames(frame.map, frame.session));
+  for (size_t i = 0; i < frames.size(); i += kRecallStep) {
+    worker.Push({.map = frame.map, .frame = frames[i].id, .session = frame.session});
+  }
+  return absl::OkStatus();
+}
+
+Status Registrar::Impl::RecallFragments(MapReader& reader, const FrameRecord& frame, MapState& state) {
+  if (state.unmerged.empty()) return absl::OkStatus();
+  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
+  for (const FrameId recalled : state.unmerged.LookingLike(view.Descriptors(), kMaxRecalled)) {
+    MAPP_ASSIGN_OR_RETURN(const FrameView own, LoadFrame(reader, recalled));
+    // Something always looks most alike: only what also fits this one frame is worth the whole comparison.
+    const FrameId joined[] = {frame.id};
+    MAPP_ASSIGN_OR_RETURN(const VerificationResult fit, VerifyCandidates(reader, own, joined, options));
+    if (fit.best_inliers < options.min_inliers) continue;
+    MAPP_RETURN_IF_ERROR(TryAgain(reader, own, state));
+  }
+  return absl::OkStatus();
+}
+
+Status Registrar::Impl::TryAgain(MapReader& reader, const FrameView& view, MapState& state) {
+  MAPP_ASSIGN_OR_RETURN(AlignmentConsensus* const consensus, ConsensusOf(reader, view.record, state));
+  MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, view, state.index, *consensus));
+  if (tried.num_consistent == 0) return absl::OkStatus();
+  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader.ListFrames(view.record.map, view.record.session));
+  const auto at =
+      std::find_if(frames.begin(), frames.end(), [&](const FrameRecord& f) { return f.id == view.record.id; });
+  const auto idx = static_cast<size_t>(at - frames.begin());
+  for (size_t i = idx - std::min(idx, kNeighborsAsked); i < std::min(idx + kNeighborsAsked + 1, frames.size()); ++i) {
+    if (i == idx) continue;
+    MAPP_ASSIGN_OR_RETURN(const FrameView neighbor, LoadFrame(reader, frames[i].id));
+    MAPP_RETURN_IF_ERROR(TryKeyframe(reader, neighbor, state.index, *consensus).status());
+  }
+  return MergeIfDecided(reader, view.record, *consensus, state);
 }
 
 Status Registrar::Impl::Process(const Task& task) {
@@ -177,7 +242,9 @@ Status Registrar::Impl::Process(const Task& task) {
   // The session may have merged since the frame was stored: the store knows.
   MAPP_ASSIGN_OR_RETURN(const FrameRecord frame, reader->GetFrame(*task.frame));
   MAPP_ASSIGN_OR_RETURN(MapState* const state, StateOf(*reader, frame.map));
-  return frame.in_map ? AddToIndex(*reader, frame.id, *state) : ProcessFragmentFrame(*reader, frame, *state);
+  if (!frame.in_map) return ProcessFragmentFrame(*reader, frame, *state);
+  MAPP_RETURN_IF_ERROR(AddToIndex(*reader, frame.id, *state));
+  return RecallFragments(*reader, frame, *state);
 }
 
 void Registrar::Impl::Run(const Task& task) {

@@ -32,6 +32,8 @@ struct RegistrarOptions {
   /// A second place that explains the keyframe with this share of the best place's inliers makes it ambiguous: it then
   /// proves nothing (equal rooms, equal cars).
   double max_rival_share = 0.6;
+  /// Told of a closed session that has merged after all: its optimization is owed now. May be empty; must not block.
+  std::function<void(SessionId)> on_closed_merged;
   /// Told of what went wrong with a session in the background: a broken packet, a disk that fails. May be empty; must
   /// not block. A session or map deleted in the meantime is not an error.
   std::function<void(SessionId, const Status&)> on_error;
@@ -46,6 +48,8 @@ inline bool Tolerates(const RegistrarOptions& options, const ViewAgreement& agre
 
 /// Place recognition, alignment and merging of fragments (DESIGN 7), in a thread of its own.
 /// Thread-safe. Publishes AlignmentTried for every keyframe of a fragment, and SessionAligned.
+/// A fragment that found no place in the map, closed or not, is tried again when a frame joins the map that looks like
+/// one of its own: it merges as soon as the map has grown to where it was.
 /// Sessions of sensor kMono have no scale and stay fragments.
 class Registrar {
  public:

@@ -5,6 +5,7 @@
 
 #include <gtest/gtest.h>
 
+#include <atomic>
 #include <numbers>
 #include <set>
 
@@ -28,6 +29,7 @@ class RegistrarTest : public ::testing::Test {
   void StartRegistrar() {
     RegistrarOptions options;
     options.on_error = [](SessionId, const Status& status) { ADD_FAILURE() << status; };
+    options.on_closed_merged = [this](SessionId session) { closed_merged_ = session; };
     registrar_ = std::make_unique<Registrar>(fixture_.store(), fixture_.tiles(), fixture_.events(), options);
   }
 
@@ -61,6 +63,7 @@ class RegistrarTest : public ::testing::Test {
   }
 
   MapFixture fixture_;
+  std::atomic<SessionId> closed_merged_ = SessionId();  ///< told to the optimizer last
   std::unique_ptr<Registrar> registrar_;
   SyntheticRoom room_{1};
   Rng rng_{99};
@@ -258,6 +261,49 @@ TEST_F(RegistrarTest, RecognizesTheMapAfterARestart) {
   Walk(room_, session, poses, 1);
   ASSERT_TRUE(log.WaitFor<SessionAligned>(0));
   ExpectAligned(session, poses);
+}
+
+TEST_F(RegistrarTest, AClosedFragmentMergesOnceTheMapHasGrownToIt) {
+  founder_poses_ = SyntheticRoom::Circle(0.5, 0.6, 0.3, 12);
+  const SessionId founder = OpenSession(/*founder=*/true);
+  Walk(room_, founder, {founder_poses_.begin(), founder_poses_.begin() + 3});
+
+  const SessionId session = OpenSession(/*founder=*/false);
+  EventLog log(fixture_, session);
+  const std::vector<Pose3> poses = SyntheticRoom::Circle(0.8, 3.0, 0.15, 6);
+  Walk(room_, session, poses);
+  ASSERT_TRUE(log.WaitFor<AlignmentTried>(poses.size() - 1));
+  ASSERT_FALSE(fixture_.Session(session).T_map_session);
+  fixture_.CloseSession(session);
+
+  registrar_->Shutdown();
+  StartRegistrar();  // fragments are remembered from the store
+  Walk(room_, founder, founder_poses_, 3);
+  ASSERT_TRUE(log.WaitFor<SessionAligned>(0));
+  ExpectAligned(session, poses);
+  registrar_->Shutdown();
+  EXPECT_EQ(closed_merged_.load(), session) << "its optimization is owed";
+}
+
+TEST_F(RegistrarTest, AFragmentThatMergesBringsTheNextOne) {
+  founder_poses_ = SyntheticRoom::Circle(0.5, 0.6, 0.3, 9);
+  const SessionId founder = OpenSession(/*founder=*/true);
+  Walk(room_, founder, {founder_poses_.begin(), founder_poses_.begin() + 3});
+  const SessionId near = OpenSession(/*founder=*/false);
+  const SessionId far = OpenSession(/*founder=*/false);
+  EventLog near_log(fixture_, near), far_log(fixture_, far);
+  const std::vector<Pose3> near_poses = SyntheticRoom::Circle(0.8, 2.9, 0.15, 9);
+  const std::vector<Pose3> far_poses = SyntheticRoom::Circle(0.8, 4.0, 0.15, 6);
+  Walk(room_, near, near_poses);
+  Walk(room_, far, far_poses);
+  ASSERT_TRUE(far_log.WaitFor<AlignmentTried>(far_poses.size() - 1));
+  ASSERT_FALSE(fixture_.Session(near).T_map_session || fixture_.Session(far).T_map_session);
+
+  Walk(room_, founder, founder_poses_, 3);
+  ASSERT_TRUE(near_log.WaitFor<SessionAligned>(0));
+  ASSERT_TRUE(far_log.WaitFor<SessionAligned>(0));
+  ExpectAligned(near, near_poses);
+  ExpectAligned(far, far_poses);
 }
 
 TEST_F(RegistrarTest, MergedFramesHelpToRecognizeLaterSessions) {
