@@ -7,6 +7,9 @@ namespace mapp::tracker {
 namespace {
 
 constexpr size_t kMinPoints = 100;
+/// Beyond this many times the usable depth a reading says nothing: a stereo disparity is noise, a depth image is in
+/// another unit than it claims.
+constexpr double kFarthestShare = 3;
 
 }  // namespace
 
@@ -20,9 +23,10 @@ std::vector<size_t> FeaturesForPoints(const Frame& frame, const TrackingCamera& 
   for (size_t feature = 0; feature < frame.size(); ++feature) {
     if (HasUsableDepth(frame, feature, camera)) {
       chosen.push_back(feature);
-    } else if (static_cast<double>(frame.depths_m[feature]) >= kMinPointDepthM) {
-      far.push_back(feature);
+      continue;
     }
+    const auto depth_m = static_cast<double>(frame.depths_m[feature]);
+    if (depth_m >= kMinPointDepthM && depth_m <= kFarthestShare * camera.max_depth_m) far.push_back(feature);
   }
   if (chosen.size() >= kMinPoints || far.empty()) return chosen;
   const size_t num_added = std::min(kMinPoints - chosen.size(), far.size());

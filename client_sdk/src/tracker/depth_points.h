@@ -15,8 +15,8 @@ namespace mapp::tracker {
 bool HasUsableDepth(const Frame& frame, size_t feature, const TrackingCamera& camera);
 
 /// Features that become points from this frame alone, in order: those of usable depth, and where these are few, the
-/// nearest ones beyond, up to 100 in all (Mur-Artal and Tardos 2017 do so too). Without them a device that looks at
-/// nothing near would have no map.
+/// nearest ones up to three times as far, up to 100 in all (Mur-Artal and Tardos 2017 do so too). Without them a device
+/// that looks at nothing near would have no map.
 std::vector<size_t> FeaturesForPoints(const Frame& frame, const TrackingCamera& camera);
 
 /// Position of a feature with depth, in the session's frame.

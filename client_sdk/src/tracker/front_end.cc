@@ -3,7 +3,9 @@
 #include "client_sdk/src/tracker/depth_points.h"
 #include "client_sdk/src/tracker/local_window.h"
 
+#include <algorithm>
 #include <utility>
+
 namespace mapp::tracker {
 namespace {
 
@@ -11,6 +13,14 @@ namespace {
 constexpr double kPredictedRadiusPx = 12.0;
 /// ... and around a pose that the last frame's points have refined.
 constexpr double kRefinedRadiusPx = 5.0;
+/// With this share of the last frame's points found again, the prediction was right.
+constexpr double kSureShare = 0.3;
+/// Nobody moves evenly for longer.
+constexpr double kMaxPredictedS = 0.5;
+
+double SecondsBetween(const Frame& earlier, const Frame& later) {
+  return 1e-9 * static_cast<double>(later.stamp_ns - earlier.stamp_ns);
+}
 
 }  // namespace
 
@@ -35,30 +45,34 @@ std::vector<PointView> FrontEnd::PointsOfLastFrame() const {
   return points;
 }
 
-std::optional<PoseEstimate> FrontEnd::TrackFromLast(const Frame& frame) const {
-  if (!last_) return std::nullopt;
-  const Pose3 T_session_camera_guess =
-      T_previous_last_ ? last_->T_session_camera * *T_previous_last_ : last_->T_session_camera;
-  SearchOptions options;
-  options.radius_px = kPredictedRadiusPx;
-  PoseEstimate estimate = SearchAndRefine(frame, camera_, camera_.own_map, T_session_camera_guess, PointsOfLastFrame(),
-                                          options, options_.min_tracked_points);
-  if (estimate.num_inliers >= options_.min_tracked_points) return estimate;
-  return TrackReferenceKeyframe(frame);
+std::vector<PointView> FrontEnd::PointsOfReferenceKeyframe() const {
+  if (last_->reference_keyframe_idx == kNone) return {};
+  MutexLock lock(shared_.mutex);
+  return CopyPoints(shared_.map, shared_.map.keyframe(last_->reference_keyframe_idx).points);
 }
 
-std::optional<PoseEstimate> FrontEnd::TrackReferenceKeyframe(const Frame& frame) const {
-  if (last_->reference_keyframe_idx == kNone) return std::nullopt;
-  std::vector<PointView> points;
-  {
-    MutexLock lock(shared_.mutex);
-    points = CopyPoints(shared_.map, shared_.map.keyframe(last_->reference_keyframe_idx).points);
+Pose3 FrontEnd::Predict(const Frame& frame) const {
+  const double elapsed_s = SecondsBetween(*last_->frame, frame);
+  return last_->T_session_camera * Pose3::Exp(std::min(elapsed_s, kMaxPredictedS) * velocity_);
+}
+
+std::optional<PoseEstimate> FrontEnd::TrackFromLast(const Frame& frame) const {
+  if (!last_) return std::nullopt;
+  const std::vector<PointView> points = PointsOfLastFrame();
+  SearchOptions options;
+  options.radius_px = kPredictedRadiusPx;
+  PoseEstimate estimate =
+      SearchAndRefine(frame, camera_, camera_.own_map, Predict(frame), points, options, options_.min_tracked_points);
+  const auto sure = static_cast<int>(kSureShare * static_cast<double>(std::min(points.size(), frame.size())));
+  if (estimate.num_inliers >= std::max(options_.min_tracked_points, sure)) return estimate;
+
+  // The camera has moved otherwise than predicted. Where textures repeat, points enough fit a pose beside the true one;
+  // looks alone find that in the whole image.
+  const PoseBound bound = PoseBound::SinceLost(last_->T_session_camera, SecondsBetween(*last_->frame, frame));
+  for (const std::vector<PointView>& known : {points, PointsOfReferenceKeyframe()}) {
+    std::optional<PoseEstimate> found = relocalizer_.FindAmongPoints(frame, camera_.own_map, known, bound);
+    if (found && found->num_inliers > estimate.num_inliers) return found;
   }
-  std::vector<OrbDescriptor> point_descriptors, frame_descriptors;
-  for (const PointView& point : points) point_descriptors.push_back(point.descriptor);
-  for (const Feature& feature : frame.features) frame_descriptors.push_back(feature.descriptor);
-  const std::vector<Match> matches = MatchDescriptors(point_descriptors, frame_descriptors, MatchOptions());
-  PoseEstimate estimate = RefinePose(frame, camera_, camera_.own_map, last_->T_session_camera, points, matches);
   if (estimate.num_inliers < options_.min_tracked_points) return std::nullopt;
   return estimate;
 }
@@ -104,8 +118,12 @@ std::optional<TrackedFrame> FrontEnd::TrackLocalWindow(const std::shared_ptr<con
 }
 
 void FrontEnd::SetLast(TrackedFrame tracked, bool consecutive) {
-  T_previous_last_.reset();
-  if (consecutive && last_) T_previous_last_ = last_->T_session_camera.Inverse() * tracked.T_session_camera;
+  velocity_.setZero();
+  if (consecutive && last_) {
+    const Pose3 T_previous_last = last_->T_session_camera.Inverse() * tracked.T_session_camera;
+    const double elapsed_s = SecondsBetween(*last_->frame, *tracked.frame);
+    if (elapsed_s > 0) velocity_ = T_previous_last.Log() / elapsed_s;
+  }
   last_ = std::move(tracked);
 }
 

@@ -2,6 +2,7 @@
 
 #include "client_sdk/src/tracker/frame.h"
 #include "client_sdk/src/tracker/point_search.h"
+#include "client_sdk/src/tracker/relocalizer.h"
 #include "client_sdk/src/tracker/session_map.h"
 #include "client_sdk/src/tracker/tracking_camera.h"
 #include "mapp/client/orb_tracker.h"
@@ -23,11 +24,13 @@ struct TrackedFrame {
 };
 
 /// Follows the camera from frame to frame within the session's own map (and points of a shared map that are known):
-/// constant-velocity prediction, else the reference keyframe; then the local window. Tracking thread only.
+/// constant-velocity prediction, else the looks of the last frame's points and the reference keyframe's; then the local
+/// window. Tracking thread only.
 class FrontEnd {
  public:
-  FrontEnd(SharedSessionMap& shared, const TrackingCamera& camera, const OrbTrackerOptions& options)
-      : shared_(shared), camera_(camera), options_(options) {}
+  FrontEnd(SharedSessionMap& shared, const TrackingCamera& camera, const OrbTrackerOptions& options,
+           const Relocalizer& relocalizer)
+      : shared_(shared), camera_(camera), options_(options), relocalizer_(relocalizer) {}
 
   /// Brings the last frame up to date with the map's corrections. Call it first for each frame.
   void Refresh();
@@ -48,13 +51,16 @@ class FrontEnd {
 
  private:
   std::vector<PointView> PointsOfLastFrame() const;
-  std::optional<PoseEstimate> TrackReferenceKeyframe(const Frame& frame) const;
+  std::vector<PointView> PointsOfReferenceKeyframe() const;
+  Pose3 Predict(const Frame& frame) const;
 
   SharedSessionMap& shared_;
   const TrackingCamera& camera_;
   const OrbTrackerOptions& options_;
+  const Relocalizer& relocalizer_;
   std::optional<TrackedFrame> last_;
-  std::optional<Pose3> T_previous_last_;  ///< motion between the last two frames; absent unless they are consecutive
+  /// Motion between the last two frames, per second, in the camera's frame; zero unless they are consecutive.
+  Eigen::Matrix<double, 6, 1> velocity_ = Eigen::Matrix<double, 6, 1>::Zero();
 };
 
 }  // namespace mapp::tracker

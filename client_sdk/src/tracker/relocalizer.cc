@@ -87,9 +87,10 @@ std::optional<PoseEstimate> Relocalizer::FindAmongKeyframes(const Frame& frame, 
   return std::nullopt;
 }
 
-std::optional<PoseEstimate> Relocalizer::FindAmongPoints(const Frame& frame, std::span<const PointView> points,
+std::optional<PoseEstimate> Relocalizer::FindAmongPoints(const Frame& frame, const DepthTrust& trust,
+                                                         std::span<const PointView> points,
                                                          const PoseBound& bound) const {
-  return Verify(frame, camera_.shared_map, points, points, bound);
+  return Verify(frame, trust, points, points, bound);
 }
 
 std::optional<PoseEstimate> Relocalizer::Verify(const Frame& frame, const DepthTrust& trust,

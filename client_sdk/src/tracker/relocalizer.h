@@ -39,9 +39,10 @@ class Relocalizer {
   /// Against the keyframes of the map that look most alike. The lock is taken briefly, per candidate.
   std::optional<PoseEstimate> FindAmongKeyframes(const Frame& frame, const SharedSessionMap& shared,
                                                  const PoseBound& bound) const;
-  /// Against points by their descriptors alone: about 1.2 ms per thousand points.
-  std::optional<PoseEstimate> FindAmongPoints(const Frame& frame, std::span<const PointView> points,
-                                              const PoseBound& bound) const;
+  /// Against points by their descriptors alone: about 1.2 ms per thousand points. `trust`: in the frame's depths
+  /// against these points.
+  std::optional<PoseEstimate> FindAmongPoints(const Frame& frame, const DepthTrust& trust,
+                                              std::span<const PointView> points, const PoseBound& bound) const;
 
  private:
   std::optional<PoseEstimate> Verify(const Frame& frame, const DepthTrust& trust, std::span<const PointView> candidates,

@@ -118,7 +118,8 @@ PoseEstimate SharedLocalizer::EstimateOn(const Loaded& map, const Frame& frame,
   // Descriptors alone find the pose where the guess is off by more than the window, but cost a comparison with every
   // point: worth it at a new map and when there is no guess.
   if (estimate.num_inliers < required && (first_frame_ || !T_session_camera_guess)) {
-    if (auto found = relocalizer.FindAmongPoints(frame, map.points, bound)) estimate = *std::move(found);
+    if (auto found = relocalizer.FindAmongPoints(frame, camera_.shared_map, map.points, bound))
+      estimate = *std::move(found);
   }
   if (estimate.num_inliers < options_.min_tracked_points) return estimate;
   SearchOptions fine;

@@ -20,8 +20,8 @@ constexpr int kMinRelocalizedPoints = 40;
 TrackingSession::TrackingSession(const TrackingCamera& camera, const OrbTrackerOptions& options)
     : camera_(camera),
       options_(options),
-      front_end_(shared_, camera_, options_),
       relocalizer_(camera_, std::max(options.min_tracked_points, kMinRelocalizedPoints)),
+      front_end_(shared_, camera_, options_, relocalizer_),
       shared_localizer_(shared_, camera_, options_),
       keyframe_policy_(camera_, options_),
       mapper_(shared_, camera_, options_) {}
@@ -113,7 +113,7 @@ bool TrackingSession::TrackOnSharedMap(const std::shared_ptr<const Frame>& frame
 std::optional<PoseEstimate> TrackingSession::Relocalize(const Frame& frame, const PoseBound& bound) const {
   if (auto found = relocalizer_.FindAmongKeyframes(frame, shared_, bound)) return found;
   if (shared_localizer_.known_points().empty()) return std::nullopt;
-  return relocalizer_.FindAmongPoints(frame, shared_localizer_.known_points(), bound);
+  return relocalizer_.FindAmongPoints(frame, camera_.shared_map, shared_localizer_.known_points(), bound);
 }
 
 void TrackingSession::Accept(TrackedFrame tracked, TrackingResult* result) {

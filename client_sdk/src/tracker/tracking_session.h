@@ -48,8 +48,8 @@ class TrackingSession {
   const TrackingCamera camera_;
   const OrbTrackerOptions options_;
   SharedSessionMap shared_;
-  FrontEnd front_end_;
   Relocalizer relocalizer_;
+  FrontEnd front_end_;
   SharedLocalizer shared_localizer_;
   KeyframePolicy keyframe_policy_;
   TrajectoryLog trajectory_;

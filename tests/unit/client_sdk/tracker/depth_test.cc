@@ -52,12 +52,12 @@ TEST(LookUpDepthTest, HasNoneAtTheBorderOrBeyond) {
   }
 }
 
-/// `num_near` features 2 m away, then `num_far` beyond what the camera trusts, the farthest first, and one without
-/// depth.
+/// `num_near` features 2 m away, then `num_far` from 16 m on, the farthest first, one of 60 m and one without depth.
 Frame FrameWithDepths(size_t num_near, size_t num_far) {
   Frame frame;
   frame.depths_m.assign(num_near, 2.0F);
-  for (size_t i = 0; i < num_far; ++i) frame.depths_m.push_back(50.0F - 0.1F * static_cast<float>(i));
+  for (size_t i = 0; i < num_far; ++i) frame.depths_m.push_back(16.0F - 0.02F * static_cast<float>(i));
+  frame.depths_m.push_back(60);
   frame.depths_m.push_back(0);
   frame.features.resize(frame.depths_m.size());
   return frame;
