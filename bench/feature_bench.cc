@@ -4,6 +4,7 @@
 //
 //   feature_bench [CAMERA [EVERY]]   CAMERA as of `mapp simulate` (euroc: 752 x 480), each EVERY-th frame at 15 Hz
 
+#include "bench/value_or_exit.h"
 #include "mapp/base/process_usage.h"
 #include "sim/features/feature_camera.h"
 #include "sim/world/visit_sequence.h"
@@ -18,13 +19,6 @@
 
 namespace mapp::sim {
 namespace {
-
-template <typename T>
-T ValueOrExit(StatusOr<T> value) {
-  if (value.ok()) return *std::move(value);
-  fmt::print(stderr, "feature_bench: {}\n", value.status().ToString());
-  std::exit(1);
-}
 
 /// CPU milliseconds of all threads since the last call.
 class CpuClock {

@@ -2,6 +2,7 @@
 // apart or by two users who pass the same place, how many features of one view are found again in the other, and how
 // many of these by their descriptors. Depth and poses are the truth.
 
+#include "bench/value_or_exit.h"
 #include "sim/features/feature_camera.h"
 #include "sim/room.h"
 #include "sim/world/visit_sequence.h"
@@ -35,13 +36,6 @@ constexpr double kMaxOctavesOff = 1.5;  ///< and so many octaves
 constexpr int kMaxBits = 64;            ///< of a match
 constexpr double kBorder_px = 19;
 constexpr double kDegrees = 180 / std::numbers::pi;
-
-template <typename T>
-T ValueOrExit(StatusOr<T> value) {
-  if (value.ok()) return *std::move(value);
-  fmt::print(stderr, "feature_study: {}\n", value.status().ToString());
-  std::exit(1);
-}
 
 struct Seen {
   Feature feature;

@@ -3,6 +3,7 @@
 // the server's assessment, codecs, the device's count. Truth, per own point: the map has a point within
 // max(5 cm, 5 % of its depth) that was seen from a like direction.
 
+#include "bench/value_or_exit.h"
 #include "mapp/base/latency.h"
 #include "mapp/codec/keyframe_codec.h"
 #include "mapp/codec/occupancy_codec.h"
@@ -29,13 +30,6 @@ using testing::RecordedWalk;
 constexpr size_t kStride = 5;  // 0.33 s at 15 Hz
 constexpr int kNumSamples = 1000;
 constexpr double kSeenOverlap = 0.9;
-
-template <typename T>
-T ValueOrExit(StatusOr<T> value, const char* what) {
-  if (value.ok()) return *std::move(value);
-  fmt::print(stderr, "occupancy_study: {}: {}\n", what, value.status().ToString());
-  std::exit(1);
-}
 
 /// A view of the map, and what of it the map truly holds.
 struct Query {

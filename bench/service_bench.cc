@@ -1,6 +1,7 @@
 // Times the service's steps on a map made from a sequence, beside a bare gRPC echo of the same sizes in the same run.
 // usage: service_bench [SEQUENCE]   (default: the rendered room)
 
+#include "bench/value_or_exit.h"
 #include "cli/image_source.h"
 #include "cli/sequence_source.h"
 #include "echo.grpc.pb.h"
@@ -49,19 +50,6 @@ class Timings {
  private:
   std::vector<double> ms_;
 };
-
-/// For a benchmark, a failed step has no meaning to go on with.
-template <typename T>
-T ValueOrExit(StatusOr<T> result, const char* what) {
-  if (result.ok()) return *std::move(result);
-  std::fprintf(stderr, "service_bench: %s: %s\n", what, result.status().ToString().c_str());
-  std::exit(1);
-}
-void OkOrExit(const Status& status, const char* what) {
-  if (status.ok()) return;
-  std::fprintf(stderr, "service_bench: %s: %s\n", what, status.ToString().c_str());
-  std::exit(1);
-}
 
 class EchoService final : public bench::EchoService::Service {
   grpc::Status Echo(grpc::ServerContext*, const bench::EchoRequest* request, bench::EchoResponse* response) override {
