@@ -161,9 +161,10 @@ void FeatureTracker::Impl::LocalizeOnSharedMap(SeenFrame& seen, TrackingResult& 
   const int generation_before = localizer.generation();
   tracker::SharedLocalizer::Outcome outcome =
       localizer.Localize(*seen.frame, T_session_camera, tracker::PoseBound::AroundGuess(T_session_camera), relocalizer);
+  on_shared_map = outcome.localized;
+  if (outcome.undecided) return;
   result.shared_map_number = outcome.shared_map_number;
   result.num_shared_matches = outcome.num_matches;
-  on_shared_map = outcome.localized;
   if (!outcome.localized) return;
   T_session_camera = outcome.estimate.T_session_camera;
   seen.points = std::move(outcome.estimate.points);

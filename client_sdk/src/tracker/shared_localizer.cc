@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <array>
+#include <numbers>
 #include <utility>
 
 namespace mapp::tracker {
@@ -15,6 +16,13 @@ constexpr int kFirstMaxDistance = 64;
 /// The last refinement of either.
 constexpr double kLastRadiusPx = 5.0;
 constexpr double kMinFeatureShare = 0.4;
+
+/// So many frames in a row adopt a map, if they agree about the device's own poses this well.
+constexpr size_t kFramesToAdopt = 3;
+constexpr double kMaxDisagreementM = 0.04;
+constexpr double kMaxDisagreementRad = 0.6 * std::numbers::pi / 180;
+/// After so many in vain the map is one that the device cannot use.
+constexpr int kMaxUndecided = 12;
 
 /// The image in 4 x 4 cells: those with features enough to say something, and those of them that the map explains.
 constexpr int kCells = 4;
@@ -69,6 +77,8 @@ std::optional<int> SharedLocalizer::Take(const SharedMap& map) {
   }
   in_use_ = true;
   first_frame_ = true;
+  corrections_.clear();
+  num_undecided_ = 0;
   return retired;
 }
 
@@ -92,11 +102,32 @@ SharedLocalizer::Outcome SharedLocalizer::Localize(const Frame& frame,
   outcome.localized = outcome.num_matches >= RequiredMatches(frame.size(), options_) &&
                       CoversView(frame, outcome.estimate.points, camera_.recorded);
   first_frame_ = false;
-  if (outcome.localized && tried_) {
+  if (!tried_) return outcome;
+  if (!outcome.localized) {
+    corrections_.clear();
+  } else if (Confirms(outcome.estimate.T_session_camera, T_session_camera_guess)) {
     outcome.newly_adopted = true;
     adopted_ = std::exchange(tried_, std::nullopt);
+  } else {
+    outcome.localized = false;
+    outcome.undecided = ++num_undecided_ < kMaxUndecided;
   }
   return outcome;
+}
+
+bool SharedLocalizer::Confirms(const Pose3& T_session_camera, const std::optional<Pose3>& T_session_camera_guess) {
+  // Whoever has lost his own place has nothing to compare with.
+  if (!T_session_camera_guess) return true;
+  const Pose3 correction = T_session_camera * T_session_camera_guess->Inverse();
+  corrections_.push_back(correction);
+  if (corrections_.size() < kFramesToAdopt) return false;
+  if (corrections_.size() > kFramesToAdopt) corrections_.erase(corrections_.begin());
+  // Compared at the camera: the session's origin may be far away.
+  return std::ranges::all_of(corrections_, [&](const Pose3& earlier) {
+    const Pose3 by_earlier = earlier * *T_session_camera_guess;
+    return Distance(by_earlier, T_session_camera) <= kMaxDisagreementM &&
+           RotationAngle(by_earlier, T_session_camera) <= kMaxDisagreementRad;
+  });
 }
 
 PoseEstimate SharedLocalizer::EstimateOn(const Loaded& map, const Frame& frame,

@@ -17,7 +17,9 @@ namespace mapp::tracker {
 
 /// Localization on maps that the server shared, and what stays of them.
 ///
-/// A shared map is *tried* until the first frame localizes on it; then it is *adopted*: it begins a new generation of
+/// A shared map is *tried* until some frames in a row localize on it and agree on how far the device's own poses were
+/// off: one frame's pose may rest on points that other devices placed a little differently, and all that follows would
+/// inherit its error. Then it is *adopted*: it begins a new generation of
 /// the session's map, and what the device had mapped before is retired, since it may be off from the shared points by
 /// the alignment's error and would pull the pose back. An adopted map's points stay known after LeaveSharedMap, as
 /// fixed points that new keyframes observe under the server's ids. A map that was never adopted leaves no trace.
@@ -28,6 +30,7 @@ class SharedLocalizer {
     uint32_t shared_map_number = 0;
     bool localized = false;
     bool newly_adopted = false;
+    bool undecided = false;  ///< localized on a tried map that further frames have yet to confirm
     int num_matches = 0;
     PoseEstimate estimate;  ///< valid when localized
   };
@@ -61,6 +64,8 @@ class SharedLocalizer {
     std::vector<PointView> points;
   };
 
+  /// Whether a frame's pose on the tried map completes what adopting it takes.
+  bool Confirms(const Pose3& T_session_camera, const std::optional<Pose3>& T_session_camera_guess);
   PoseEstimate EstimateOn(const Loaded& map, const Frame& frame, const std::optional<Pose3>& T_session_camera_guess,
                           const PoseBound& bound, const Relocalizer& relocalizer);
 
@@ -69,6 +74,9 @@ class SharedLocalizer {
   const OrbTrackerOptions& options_;
   std::optional<Loaded> tried_;
   std::optional<Loaded> adopted_;
+  std::vector<Pose3>
+      corrections_;        ///< T_map_session of the last frames on the tried map, the session's frame being off
+  int num_undecided_ = 0;  ///< frames that have localized on the tried map
   bool in_use_ = false;
   bool first_frame_ = false;  ///< of the map in use
   int last_generation_ = 0;

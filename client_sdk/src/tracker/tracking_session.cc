@@ -92,6 +92,8 @@ bool TrackingSession::TrackOnSharedMap(const std::shared_ptr<const Frame>& frame
   if (estimate) T_session_camera_guess = estimate->T_session_camera;
   const int generation_before = shared_localizer_.generation();
   SharedLocalizer::Outcome outcome = shared_localizer_.Localize(*frame, T_session_camera_guess, bound, relocalizer_);
+  // Neither a success nor a failure to tell the participant of.
+  if (outcome.undecided) return false;
   result->shared_map_number = outcome.shared_map_number;
   result->num_shared_matches = outcome.num_matches;
   if (!outcome.localized) return false;

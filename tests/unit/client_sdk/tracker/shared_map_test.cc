@@ -18,6 +18,7 @@ using tracker_test::SynchronousOptions;
 constexpr uint64_t kFirstServerId = 100000;
 /// As in the tracker's own test: above the noise, below any mistake in the transforms.
 constexpr double kPoseToleranceM = 0.02;
+constexpr size_t kFramesToConfirm = 2;
 
 /// A device that has mapped the first frames, and the map that a server would make of them.
 class SharedMapTest : public ::testing::Test {
@@ -40,6 +41,15 @@ class SharedMapTest : public ::testing::Test {
     return *result;
   }
   TrackingResult Track(size_t frame_idx) { return Track(*tracker_, frame_idx); }
+  /// The frames that a new map takes to be confirmed: they are tracked on the device's own map.
+  void TrackUntilAdopted(size_t first) {
+    for (size_t i = first; i < first + kFramesToConfirm; ++i) {
+      const TrackingResult result = Track(i);
+      EXPECT_EQ(result.state, TrackingState::kTracking);
+      EXPECT_FALSE(result.on_shared_map) << "frame " << i;
+      EXPECT_EQ(result.shared_map_number, 0U) << "nothing to tell of yet";
+    }
+  }
   std::shared_ptr<const SharedMap> MapMovedBy(const Pose3& T_session_map, uint32_t number) const {
     return std::make_shared<SharedMap>(
         MakeSharedMap(keyframes_, FirstRoomFrames().camera, T_session_map, number, kFirstServerId));
@@ -56,9 +66,10 @@ class SharedMapTest : public ::testing::Test {
 TEST_F(SharedMapTest, LocalizesWithoutMakingKeyframes) {
   for (size_t i = 0; i < 4; ++i) Track(i);
   tracker_->TakeSharedMap(MapMovedBy(Pose3(), 1));
+  TrackUntilAdopted(4);
   tracker_->TakeKeyframes();
   int num_would_be = 0;
-  for (size_t i = 4; i < FirstRoomFrames().frames.size(); ++i) {
+  for (size_t i = 6; i < FirstRoomFrames().frames.size(); ++i) {
     const TrackingResult result = Track(i);
     EXPECT_TRUE(result.on_shared_map) << "frame " << i;
     EXPECT_EQ(result.shared_map_number, 1U);
@@ -77,7 +88,8 @@ TEST_F(SharedMapTest, StepsOntoAMapThatIsOffByTheAlignmentsError) {
   for (size_t i = 0; i < 4; ++i) Track(i);
   const Pose3 T_session_map(Eigen::Quaterniond(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY())), {0.06, -0.03, 0.05});
   tracker_->TakeSharedMap(MapMovedBy(T_session_map, 1));
-  for (size_t i = 4; i < 10; ++i) {
+  TrackUntilAdopted(4);
+  for (size_t i = 6; i < 12; ++i) {
     const TrackingResult result = Track(i);
     ASSERT_TRUE(result.on_shared_map) << "frame " << i;
     // Nothing of the device's own map pulls the pose back.
@@ -152,10 +164,12 @@ TEST_F(SharedMapTest, APlaceThatLooksTheSameIsNotSteppedTo) {
 TEST_F(SharedMapTest, GoesFromOneSharedMapToTheNext) {
   for (size_t i = 0; i < 4; ++i) Track(i);
   tracker_->TakeSharedMap(MapMovedBy(Pose3(), 1));
-  for (size_t i = 4; i < 7; ++i) EXPECT_EQ(Track(i).shared_map_number, 1U);
+  TrackUntilAdopted(4);
+  for (size_t i = 6; i < 9; ++i) EXPECT_EQ(Track(i).shared_map_number, 1U);
   const Pose3 T_session_map(Eigen::Quaterniond::Identity(), {0, 0.04, 0});
   tracker_->TakeSharedMap(MapMovedBy(T_session_map, 2));
-  for (size_t i = 7; i < 10; ++i) {
+  TrackUntilAdopted(9);
+  for (size_t i = 11; i < 14; ++i) {
     const TrackingResult result = Track(i);
     EXPECT_EQ(result.shared_map_number, 2U);
     EXPECT_TRUE(result.on_shared_map);
@@ -166,10 +180,11 @@ TEST_F(SharedMapTest, GoesFromOneSharedMapToTheNext) {
 TEST_F(SharedMapTest, RelocalizesOnTheSharedMapAfterBeingLost) {
   for (size_t i = 0; i < 4; ++i) Track(i);
   tracker_->TakeSharedMap(MapMovedBy(Pose3(), 1));
-  EXPECT_TRUE(Track(4).on_shared_map);
+  TrackUntilAdopted(4);
+  EXPECT_TRUE(Track(6).on_shared_map);
   const RoomFrames& room = FirstRoomFrames();
   const GrayImage black(room.camera.width_px, room.camera.height_px, 0);
-  TrackerFrame dark = Borrow(room.frames[5]);
+  TrackerFrame dark = Borrow(room.frames[7]);
   dark.gray = black.View();
   EXPECT_EQ(tracker_->Track(dark)->state, TrackingState::kLost);
   const TrackingResult found = Track(9);
