@@ -16,9 +16,9 @@
 #include <vector>
 
 // Rays are cast through the corners of cells of 4 x 4 pixels. Most cells show one surface, whose depth and texture
-// follow from its plane without further rays. Where surfaces meet, those whose edges pass there tell by their planes and
-// borders which is seen, and a pixel that shows several blends them; only crowded cells need more rays. Four pixels side
-// by side are drawn at once.
+// follow from its plane without further rays. Where surfaces meet, those whose edges pass there tell by their planes
+// and borders which is seen, and a pixel that shows several blends them; only crowded cells need more rays. Four pixels
+// side by side are drawn at once.
 
 namespace mapp::sim {
 namespace {

@@ -69,10 +69,9 @@ std::optional<PoseEstimate> FrontEnd::TrackFromLast(const Frame& frame) const {
   // The camera has moved otherwise than predicted. Where textures repeat, points enough fit a pose beside the true one;
   // looks alone find that in the whole image.
   const PoseBound bound = PoseBound::SinceLost(last_->T_session_camera, SecondsBetween(*last_->frame, frame));
-  for (const std::vector<PointView>& known : {points, PointsOfReferenceKeyframe()}) {
-    std::optional<PoseEstimate> found = relocalizer_.FindAmongPoints(frame, camera_.own_map, known, bound);
-    if (found && found->num_inliers > estimate.num_inliers) return found;
-  }
+  std::optional<PoseEstimate> found = relocalizer_.FindAmongPoints(frame, camera_.own_map, points, bound);
+  if (!found) found = relocalizer_.FindAmongPoints(frame, camera_.own_map, PointsOfReferenceKeyframe(), bound);
+  if (found && found->num_inliers > estimate.num_inliers) return found;
   if (estimate.num_inliers < options_.min_tracked_points) return std::nullopt;
   return estimate;
 }
