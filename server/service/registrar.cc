@@ -60,8 +60,9 @@ struct Registrar::Impl {
   StatusOr<AlignmentTried> TryKeyframe(MapReader& reader, const FrameView& view, const PlaceIndex& index,
                                        AlignmentConsensus& consensus) const;
   StatusOr<AlignmentConsensus*> ConsensusOf(MapReader& reader, const FrameRecord& newest, MapState& state) const;
-  /// Merges the fragment of `newest` if its keyframes have agreed on a place and the way there does not contradict it.
-  Status MergeIfDecided(MapReader& reader, const FrameRecord& newest, AlignmentConsensus& consensus, MapState& state);
+  /// Merges the fragment of `frame` if its keyframes have agreed on a place and the way around it does not contradict
+  /// it.
+  Status MergeIfDecided(MapReader& reader, const FrameRecord& frame, AlignmentConsensus& consensus, MapState& state);
   Status Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session, MapState& state);
   /// Tries the fragments again that have a keyframe like this frame of the map.
   Status RecallFragments(MapReader& reader, const FrameRecord& frame, MapState& state);
@@ -178,12 +179,12 @@ Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecor
   return merged;
 }
 
-Status Registrar::Impl::MergeIfDecided(MapReader& reader, const FrameRecord& newest, AlignmentConsensus& consensus,
+Status Registrar::Impl::MergeIfDecided(MapReader& reader, const FrameRecord& frame, AlignmentConsensus& consensus,
                                        MapState& state) {
   const std::optional<Pose3> T_map_session = consensus.Decide();
   if (!T_map_session) return absl::OkStatus();
-  MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, newest, *T_map_session));
-  if (Tolerates(options, way)) return Merge(reader, newest, *T_map_session, state);
+  MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, frame, *T_map_session));
+  if (Tolerates(options, way)) return Merge(reader, frame, *T_map_session, state);
   consensus.Forget();
   return absl::OkStatus();
 }

@@ -10,25 +10,33 @@
 namespace mapp {
 namespace {
 
-/// Keyframes are looked at that differ from the last one by at least one of these ...
+/// Keyframes are looked at that differ from each other by at least one of these ...
 constexpr double kStepM = 0.7;
 constexpr double kStepRad = 20.0 * std::numbers::pi / 180.0;
-/// ... and not more of them: further back, drift of the session's odometry would pass for a contradiction.
+/// ... and not more of them: further away, drift of the session's odometry would pass for a contradiction.
 constexpr size_t kMaxViews = 16;
 /// How far odometry may have drifted over such a way. A view that matches elsewhere does not speak for this pose.
 constexpr double kMaxDriftM = 0.3;
 constexpr double kMaxDriftRad = 3.0 * std::numbers::pi / 180.0;
 
-/// The fragment's keyframes from `newest` back, some steps apart.
-std::vector<FrameRecord> WayBack(std::vector<FrameRecord> frames, const FrameRecord& newest) {
-  std::erase_if(frames, [&](const FrameRecord& frame) { return frame.number > newest.number; });
-  std::sort(frames.begin(), frames.end(), [](const auto& a, const auto& b) { return a.number > b.number; });
+bool ShowsTheSame(const FrameRecord& a, const FrameRecord& b) {
+  return Distance(a.T_frame_camera, b.T_frame_camera) <= kStepM &&
+         RotationAngle(a.T_frame_camera, b.T_frame_camera) <= kStepRad;
+}
+
+/// The fragment's keyframes from `at` on outwards, before and after it, some steps apart.
+std::vector<FrameRecord> WayAround(std::vector<FrameRecord> frames, const FrameRecord& at) {
+  const auto steps_away = [&](const FrameRecord& frame) {
+    return std::max(frame.number, at.number) - std::min(frame.number, at.number);
+  };
+  std::stable_sort(frames.begin(), frames.end(),
+                   [&](const auto& a, const auto& b) { return steps_away(a) < steps_away(b); });
   std::vector<FrameRecord> way;
   for (FrameRecord& frame : frames) {
     if (way.size() == kMaxViews) break;
-    const bool is_step = way.empty() || Distance(way.back().T_frame_camera, frame.T_frame_camera) > kStepM ||
-                         RotationAngle(way.back().T_frame_camera, frame.T_frame_camera) > kStepRad;
-    if (is_step) way.push_back(std::move(frame));
+    const bool is_new =
+        std::ranges::none_of(way, [&](const FrameRecord& chosen) { return ShowsTheSame(chosen, frame); });
+    if (is_new) way.push_back(std::move(frame));
   }
   return way;
 }
@@ -45,13 +53,13 @@ ViewAgreement CompareOne(const QueryKeyframe& query, const std::vector<PointReco
 
 }  // namespace
 
-StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& newest, const Pose3& T_map_session) {
-  MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> frames, reader.ListFrames(newest.map, newest.session));
+StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& at, const Pose3& T_map_session) {
+  MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> frames, reader.ListFrames(at.map, at.session));
   ViewAgreement sum;
-  for (const FrameRecord& frame : WayBack(std::move(frames), newest)) {
+  for (const FrameRecord& frame : WayAround(std::move(frames), at)) {
     MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
     const Pose3 T_map_camera = T_map_session * frame.T_frame_camera;
-    MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points, PointsSeenNear(reader, newest.map, T_map_camera));
+    MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points, PointsSeenNear(reader, at.map, T_map_camera));
     const ViewAgreement agreement = CompareOne(QueryKeyframe(view), points, T_map_camera);
     sum.num_agreeing += agreement.num_agreeing;
     sum.num_contradicting += agreement.num_contradicting;

@@ -285,6 +285,35 @@ TEST_F(RegistrarTest, AClosedFragmentMergesOnceTheMapHasGrownToIt) {
   EXPECT_EQ(closed_merged_.load(), session) << "its optimization is owed";
 }
 
+TEST_F(RegistrarTest, AnEqualWallThatJoinsTheMapIsNotThatPlaceWhenTheWayFromItWasAnother) {
+  founder_poses_ = SyntheticRoom::Circle(0.5, 1.5, 2 * std::numbers::pi / 18, 18);
+  const SessionId founder = OpenSession(/*founder=*/true);
+  Walk(room_, founder, {founder_poses_.begin(), founder_poses_.begin() + 10});
+
+  const SyntheticRoom elsewhere(2, room_, -3);
+  const SessionId session = OpenSession(/*founder=*/false);
+  EventLog log(fixture_, session);
+  // Sees nothing but the wall, and then turns away.
+  std::vector<Pose3> poses;
+  for (const double heading : {-0.1, -0.05, 0.0, 0.05, 0.1, 0.15}) {
+    poses.push_back(SyntheticRoom::Stand(heading, 0.9, heading));
+  }
+  for (const Pose3& pose : SyntheticRoom::Circle(0.8, -0.36, -0.36, 9)) poses.push_back(pose);
+  Walk(elsewhere, session, poses);
+  ASSERT_TRUE(log.WaitFor<AlignmentTried>(poses.size() - 1));
+  ASSERT_FALSE(fixture_.Session(session).T_map_session);
+  fixture_.CloseSession(session);
+
+  Walk(room_, founder, founder_poses_, 10);
+  // Another session's keyframe is compared once the founder's are done with.
+  const SessionId last = OpenSession(/*founder=*/false);
+  EventLog last_log(fixture_, last);
+  Walk(room_, last, SyntheticRoom::Circle(0.8, 1.0, 0.15, 1));
+  ASSERT_TRUE(last_log.WaitFor<AlignmentTried>(0));
+  EXPECT_EQ(log.Count<SessionAligned>(), 0U);
+  EXPECT_FALSE(fixture_.Session(session).T_map_session);
+}
+
 TEST_F(RegistrarTest, AFragmentThatMergesBringsTheNextOne) {
   founder_poses_ = SyntheticRoom::Circle(0.5, 0.6, 0.3, 9);
   const SessionId founder = OpenSession(/*founder=*/true);
