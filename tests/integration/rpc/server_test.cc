@@ -193,8 +193,10 @@ TEST_F(RpcTest, CallsWithoutADeadlineGetTheServersOwn) {
   const SessionId session = Open();
   const Pose3 stand = testing::SyntheticWorld::Stand(0, -2, 0);
   v1::UploadPartialKeyframeResponse response;
-  for (uint32_t number = 0; number < 4; ++number) {
-    ASSERT_TRUE(Upload(View(stand, stand, session, number), response).ok());
+  // Views all around, so that the export is more than the connection's buffers take from a server in a hurry.
+  for (uint32_t number = 0; number < 12; ++number) {
+    ASSERT_TRUE(
+        Upload(View(testing::SyntheticWorld::Stand(0, -2, 0.5 * number), stand, session, number), response).ok());
   }
   grpc::ClientContext context;  // no deadline
   v1::ExportMapRequest request;
