@@ -17,15 +17,28 @@ double NearestRank(std::vector<float>& values, double share) {
 
 }  // namespace
 
+void LatencyRecorder::Keep(float ms) {
+  if (latest_ms_.size() < kWindow) {
+    latest_ms_.push_back(ms);
+    return;
+  }
+  latest_ms_[oldest_] = ms;
+  oldest_ = (oldest_ + 1) % kWindow;
+}
+
 void LatencyRecorder::Add(std::chrono::nanoseconds duration) {
   const double ms = std::chrono::duration<double, std::milli>(duration).count();
-  if (latest_ms_.size() < kWindow) {
-    latest_ms_.push_back(static_cast<float>(ms));
-  } else {
-    latest_ms_[count_ % kWindow] = static_cast<float>(ms);
-  }
+  Keep(static_cast<float>(ms));
   ++count_;
   total_ms_ += ms;
+}
+
+void LatencyRecorder::Add(const LatencyRecorder& other) {
+  for (size_t i = 0; i < other.latest_ms_.size(); ++i) {
+    Keep(other.latest_ms_[(other.oldest_ + i) % other.latest_ms_.size()]);
+  }
+  count_ += other.count_;
+  total_ms_ += other.total_ms_;
 }
 
 LatencySummary LatencyRecorder::Summary() const {

@@ -37,6 +37,25 @@ TEST(LatencyRecorderTest, PercentilesForgetWhatIsOlderThanTheWindow) {
   EXPECT_DOUBLE_EQ(summary.p95_ms, 2);
 }
 
+TEST(LatencyRecorderTest, AddsAnothersRunsAsIfTheyHadComeAfterItsOwn) {
+  LatencyRecorder first, second, together;
+  const auto add = [&](LatencyRecorder& recorder, int ms) {
+    recorder.Add(milliseconds(ms));
+    together.Add(milliseconds(ms));
+  };
+  for (size_t i = 0; i < LatencyRecorder::kWindow; ++i) add(first, 1000);
+  for (size_t i = 0; i < LatencyRecorder::kWindow + 7; ++i) add(second, static_cast<int>(i % 50));
+  first.Add(second);
+  first.Add(LatencyRecorder());
+  first.Add(milliseconds(3));
+  together.Add(milliseconds(3));
+  const LatencySummary summed = first.Summary(), expected = together.Summary();
+  EXPECT_EQ(summed.count, expected.count);
+  EXPECT_DOUBLE_EQ(summed.mean_ms, expected.mean_ms);
+  EXPECT_DOUBLE_EQ(summed.p50_ms, expected.p50_ms);
+  EXPECT_DOUBLE_EQ(summed.p95_ms, expected.p95_ms);
+}
+
 TEST(ProcessUsageTest, GrowsWithWorkAndMemory) {
   const ProcessUsage before = GetProcessUsage();
   const double thread_before_s = ThreadCpuSeconds();

@@ -22,12 +22,17 @@ class LatencyRecorder {
   static constexpr size_t kWindow = 4096;
 
   void Add(std::chrono::nanoseconds duration);
+  /// Adds another recorder's runs as if they had come after this one's.
+  void Add(const LatencyRecorder& other);
   LatencySummary Summary() const;
 
  private:
+  void Keep(float ms);
+
   uint64_t count_ = 0;
   double total_ms_ = 0;
   std::vector<float> latest_ms_;  // ring of kWindow, filled first
+  size_t oldest_ = 0;             // in a full ring
 };
 
 /// Wall time since its construction.
