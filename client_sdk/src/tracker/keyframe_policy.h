@@ -22,6 +22,7 @@ class KeyframePolicy {
   /// The step onto a shared map moves the session's poses: the frame takes the last keyframe's place as what later ones
   /// are compared with, without being one.
   void OnPoseCorrection(const TrackedFrame& tracked) { SetReference(tracked); }
+  int num_keyframes() const { return num_keyframes_; }  ///< would-be ones counted
   /// The next tracked frame is due whatever it shows.
   void ForceNext() { forced_ = true; }
 
@@ -35,7 +36,7 @@ class KeyframePolicy {
   std::vector<PointView> reference_points_;  ///< the last keyframe's features with depth
   int most_matches_ = 0;                     ///< of them in one frame, so far
   int frames_since_keyframe_ = 0;
-  int num_keyframes_ = 0;  ///< would-be ones counted
+  int num_keyframes_ = 0;
   bool forced_ = false;
 };
 

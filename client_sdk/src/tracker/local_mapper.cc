@@ -162,9 +162,19 @@ size_t LocalMapper::num_waiting() const {
   return waiting_.size();
 }
 
-LocalMappingStats LocalMapper::stats() const {
+bool LocalMapper::idle() const {
   MutexLock lock(mutex_);
-  return {latency_.Summary(), cpu_s_};
+  return waiting_.empty() && !busy_;
+}
+
+double LocalMapper::cpu_s() const {
+  MutexLock lock(mutex_);
+  return cpu_s_;
+}
+
+LatencyRecorder LocalMapper::latency() const {
+  MutexLock lock(mutex_);
+  return latency_;
 }
 
 }  // namespace mapp::tracker

@@ -32,7 +32,9 @@ class LocalMapper {
   std::vector<Keyframe> TakeFinished();
   void WaitIdle();
   size_t num_waiting() const;
-  LocalMappingStats stats() const;
+  bool idle() const;
+  double cpu_s() const;
+  LatencyRecorder latency() const;  ///< of each keyframe
 
  private:
   struct Job {

@@ -1,6 +1,7 @@
 #include "mapp/client/orb_tracker.h"
 
 #include "client_sdk/src/tracker/frame.h"
+#include "client_sdk/src/tracker/restart_policy.h"
 #include "client_sdk/src/tracker/tracking_session.h"
 #include "mapp/base/mutex.h"
 #include "mapp/base/process_usage.h"
@@ -35,12 +36,42 @@ Status OrbTrackerOptions::Validate() const {
   MAPP_RETURN_IF_ERROR(CheckRange("num_start_keyframes", num_start_keyframes, 0, 1000));
   MAPP_RETURN_IF_ERROR(CheckRange("max_frames_between_start_keyframes", max_frames_between_start_keyframes, 1, 10000));
   MAPP_RETURN_IF_ERROR(CheckRange("min_reference_ratio", min_reference_ratio, 0.0, 1.0));
+  MAPP_RETURN_IF_ERROR(CheckRange("max_search_s", max_search_s, 0.0, 3600.0));
+  MAPP_RETURN_IF_ERROR(CheckRange("max_young_search_s", max_young_search_s, 0.0, 3600.0));
+  MAPP_RETURN_IF_ERROR(CheckRange("num_young_keyframes", num_young_keyframes, 0, 10000));
   return CheckRange("local_window", local_window, 2, 100);
 }
 
 struct OrbTracker::Impl {
-  Impl(std::unique_ptr<tracker::FrameBuilder> builder, const OrbTrackerOptions& options)
-      : frame_builder(std::move(builder)), session(frame_builder->camera(), options) {}
+  Impl(std::unique_ptr<tracker::FrameBuilder> builder, const OrbTrackerOptions& with_options)
+      : options(with_options), frame_builder(std::move(builder)), restart_policy(options) {
+    BeginSession();
+  }
+
+  void BeginSession() { session = std::make_unique<tracker::TrackingSession>(frame_builder->camera(), options); }
+
+  TrackingResult Track(const std::shared_ptr<const tracker::Frame>& frame) {
+    TrackingResult result = session->Track(frame);
+    const bool lost = result.state == TrackingState::kLost;
+    const bool restart = restart_policy.IsDue({.stamp_ns = frame->stamp_ns,
+                                               .lost = lost,
+                                               .can_start = lost && session->CanStart(*frame),
+                                               .num_keyframes = session->num_keyframes()});
+    // Lost for long, local mapping has nothing left to do: what it has made is final.
+    if (restart && session->mapper().idle()) {
+      EndFragment();
+      result = session->Track(frame);
+    }
+    result.fragment = fragment;
+    return result;
+  }
+
+  void EndFragment() {
+    ended.push_back({fragment++, session->mapper().TakeFinished(), session->Trajectory()});
+    ended_mapping.Add(session->mapper().latency());
+    ended_mapping_cpu_s += session->mapper().cpu_s();
+    BeginSession();
+  }
 
   void ApplyRequest() {
     std::optional<SharedMapRequest> taken;
@@ -50,15 +81,22 @@ struct OrbTracker::Impl {
     }
     if (!taken) return;
     if (taken->map != nullptr) {
-      session.TakeSharedMap(*taken->map);
+      session->TakeSharedMap(*taken->map);
     } else {
-      session.LeaveSharedMap();
+      session->LeaveSharedMap();
     }
   }
 
+  const OrbTrackerOptions options;
   std::unique_ptr<tracker::FrameBuilder> frame_builder;
-  tracker::TrackingSession session;
+  std::unique_ptr<tracker::TrackingSession> session;  // of the present fragment
   std::optional<int64_t> last_stamp_ns;
+
+  tracker::RestartPolicy restart_policy;
+  uint32_t fragment = 0;
+  std::vector<EndedFragment> ended;
+  LatencyRecorder ended_mapping;  // local mapping of the fragments before
+  double ended_mapping_cpu_s = 0;
 
   Mutex request_mutex;
   std::optional<SharedMapRequest> request ABSL_GUARDED_BY(request_mutex);
@@ -92,17 +130,21 @@ StatusOr<TrackingResult> OrbTracker::Track(const TrackerFrame& frame) {
   MAPP_ASSIGN_OR_RETURN(const auto built, impl_->frame_builder->Build(frame));
   impl_->last_stamp_ns = frame.stamp_ns;
   impl_->ApplyRequest();
-  TrackingResult result = impl_->session.Track(built);
+  TrackingResult result = impl_->Track(built);
   result.tracking_ms = std::chrono::duration<double, std::milli>(stopwatch.Elapsed()).count();
   result.tracking_cpu_ms = 1e3 * (ThreadCpuSeconds() - cpu_before_s);
   return result;
 }
 
-std::vector<Keyframe> OrbTracker::TakeKeyframes() { return impl_->session.mapper().TakeFinished(); }
+std::vector<Keyframe> OrbTracker::TakeKeyframes() { return impl_->session->mapper().TakeFinished(); }
 
-std::optional<Keyframe> OrbTracker::MakeKeyframeOfLastFrame() const { return impl_->session.MakeKeyframeOfLastFrame(); }
+std::vector<EndedFragment> OrbTracker::TakeEndedFragments() { return std::exchange(impl_->ended, {}); }
 
-void OrbTracker::WaitForLocalMapping() { impl_->session.mapper().WaitIdle(); }
+std::optional<Keyframe> OrbTracker::MakeKeyframeOfLastFrame() const {
+  return impl_->session->MakeKeyframeOfLastFrame();
+}
+
+void OrbTracker::WaitForLocalMapping() { impl_->session->mapper().WaitIdle(); }
 
 void OrbTracker::TakeSharedMap(std::shared_ptr<const SharedMap> map) {
   MutexLock lock(impl_->request_mutex);
@@ -114,12 +156,16 @@ void OrbTracker::LeaveSharedMap() {
   impl_->request = SharedMapRequest{nullptr};
 }
 
-std::vector<TrajectoryPose> OrbTracker::Trajectory() const { return impl_->session.Trajectory(); }
+std::vector<TrajectoryPose> OrbTracker::Trajectory() const { return impl_->session->Trajectory(); }
 
 const Camera& OrbTracker::camera() const { return impl_->frame_builder->camera().recorded; }
 
 SensorKind OrbTracker::sensor() const { return impl_->frame_builder->camera().sensor; }
 
-LocalMappingStats OrbTracker::local_mapping() const { return impl_->session.mapper().stats(); }
+LocalMappingStats OrbTracker::local_mapping() const {
+  LatencyRecorder latency = impl_->ended_mapping;
+  latency.Add(impl_->session->mapper().latency());
+  return {latency.Summary(), impl_->ended_mapping_cpu_s + impl_->session->mapper().cpu_s()};
+}
 
 }  // namespace mapp

@@ -43,17 +43,20 @@ TrackingResult TrackingSession::Track(const std::shared_ptr<const Frame>& frame)
   return result;
 }
 
+bool TrackingSession::CanStart(const Frame& frame) const {
+  return FeaturesForPoints(frame, camera_).size() >= kMinStartPoints;
+}
+
 TrackingResult TrackingSession::Start(const std::shared_ptr<const Frame>& frame) {
   TrackingResult result;
-  const size_t num_points = FeaturesForPoints(*frame, camera_).size();
-  if (num_points < kMinStartPoints) return result;
+  if (!CanStart(*frame)) return result;
   TrackedFrame first;
   first.frame = frame;
   first.points.assign(frame->size(), kNone);
   front_end_.SetLast(std::move(first), /*consecutive=*/false);
   InsertKeyframe();
   result.state = TrackingState::kTracking;
-  result.num_matches = static_cast<int>(num_points);
+  result.num_matches = static_cast<int>(FeaturesForPoints(*frame, camera_).size());
   result.is_keyframe = true;
   return result;
 }

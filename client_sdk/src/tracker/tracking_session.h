@@ -23,6 +23,8 @@ class TrackingSession {
   TrackingSession(const TrackingCamera& camera, const OrbTrackerOptions& options);
 
   TrackingResult Track(const std::shared_ptr<const Frame>& frame);
+  /// Whether a session could begin at this frame.
+  bool CanStart(const Frame& frame) const;
   void TakeSharedMap(const SharedMap& map);
   void LeaveSharedMap();
 
@@ -31,6 +33,8 @@ class TrackingSession {
   std::vector<TrajectoryPose> Trajectory() const { return trajectory_.Compose(shared_); }
   LocalMapper& mapper() { return mapper_; }
   const LocalMapper& mapper() const { return mapper_; }
+  /// Made so far, with those that would have been made on shared maps.
+  int num_keyframes() const { return keyframe_policy_.num_keyframes(); }
 
  private:
   /// Begins the session at this frame if it has enough depth.

@@ -34,6 +34,14 @@ struct OrbTrackerOptions {
   /// keyframe about every fifth frame of a hand-held camera at 15 Hz.
   double min_reference_ratio = 0.8;
   int local_window = 10;  ///< keyframes adjusted by local bundle adjustment
+  /// After searching its place for so long, seconds of the frames' stamps, a lost tracker gives its map up and begins a
+  /// new fragment; 0: never. Frames that show too little to begin a map from do not count, nor does the time between
+  /// frames beyond half a second. Shorter leaves a map that the next turn would have found again, longer leaves more of
+  /// the way without poses. Range [0, 3600]. Source: ORB-SLAM3's 3 s; docs/decisions/0010.
+  double max_search_s = 3;
+  /// The same while the map has fewer than `num_young_keyframes`: it is hardly worth a search. Range [0, 3600].
+  double max_young_search_s = 1;
+  int num_young_keyframes = 10;  ///< range [0, 10000]
   /// Run local mapping inside Track() instead of its own thread: slower, but repeatable to the bit.
   bool synchronous = false;
   Status Validate() const;  ///< Names the first field out of range.
@@ -53,6 +61,7 @@ struct TrackingResult {
   TrackingState state = TrackingState::kNotStarted;
   Pose3 T_session_camera;          ///< valid when kTracking
   int num_matches = 0;             ///< map points matched after pose optimisation
+  uint32_t fragment = 0;           ///< that the frame was tracked or lost in; names the frame `session` of the pose
   bool on_shared_map = false;      ///< the pose comes from the shared map
   int num_shared_matches = 0;      ///< when a shared map was in use for this frame, also where it failed
   uint32_t shared_map_number = 0;  ///< 0: no shared map was in use
@@ -70,6 +79,13 @@ struct TrajectoryPose {
   bool on_shared_map = false;
 };
 
+/// What is left of a fragment that the tracker has given up: final.
+struct EndedFragment {
+  uint32_t number = 0;                     ///< TrackingResult::fragment
+  std::vector<Keyframe> keyframes;         ///< those that TakeKeyframes() has not handed out
+  std::vector<TrajectoryPose> trajectory;  ///< all its tracked frames, in its own frame `session`
+};
+
 /// What local mapping has cost so far.
 struct LocalMappingStats {
   LatencySummary latency;  ///< of each keyframe
@@ -80,12 +96,19 @@ struct LocalMappingStats {
 /// relocalisation, keyframe choice, local bundle adjustment in its own thread, localisation on a shared map with local
 /// mapping at rest. Poses are in the odometry frame `session`, which begins at the first tracked camera.
 ///
+/// A tracker that has been lost for long (OrbTrackerOptions::max_search_s) begins again: with the next frame that shows
+/// enough, a new *fragment* with a map and a frame `session` of its own, whose place relative to the fragments before
+/// is not known. Nothing of one fragment may be used in another: hand its keyframes to a session of their own
+/// (Participant::BeginFragment), then call LeaveSharedMap(), so that no map that was asked for before arrives after.
+/// Device does all this.
+///
 /// A frame that fails on the shared map is tracked on the device's own map within the same call, with the shared points
 /// as known ones; mapping goes on from there, so that a device whose server is silent does not get lost. From the first
 /// frame that localises on a shared map, what the device had mapped before no longer serves: it may be off by the
 /// alignment's error.
 ///
-/// Track(), TakeKeyframes() and Trajectory() belong to one thread; TakeSharedMap/LeaveSharedMap may come from any.
+/// Track(), TakeKeyframes(), TakeEndedFragments() and Trajectory() belong to one thread; TakeSharedMap/LeaveSharedMap
+/// may come from any.
 /// For stereo, `camera` of the keyframes is the rectified left camera: ask camera().
 class OrbTracker : public SlamAdapter {
  public:
@@ -100,9 +123,12 @@ class OrbTracker : public SlamAdapter {
   /// is then as before. Never waits for the network or for local mapping.
   StatusOr<TrackingResult> Track(const TrackerFrame& frame);
 
-  /// Keyframes finished by local mapping since the last call, in order, whole: features with their points.
-  /// `session` is not set. Points that came from a shared map are named by the server's id.
+  /// Keyframes of the present fragment finished by local mapping since the last call, in order, whole: features with
+  /// their points. Numbered from 0 in each fragment; `session` is not set. Points that came from a shared map are named
+  /// by the server's id.
   std::vector<Keyframe> TakeKeyframes();
+  /// Fragments given up since the last call, in order. Take them before the present one's keyframes.
+  std::vector<EndedFragment> TakeEndedFragments();
   /// A whole keyframe of the last frame, without adding it to the map: what ReportUpdate sends, and what upload_all
   /// would have sent where would_be_keyframe was set. Absent when the last frame was not tracked.
   std::optional<Keyframe> MakeKeyframeOfLastFrame() const;
@@ -112,12 +138,12 @@ class OrbTracker : public SlamAdapter {
   void TakeSharedMap(std::shared_ptr<const SharedMap> map) override;
   void LeaveSharedMap() override;
 
-  /// All tracked frames so far.
+  /// All tracked frames of the present fragment so far.
   std::vector<TrajectoryPose> Trajectory() const;
   /// The camera that keyframes and poses refer to, and the sensor kind.
   const Camera& camera() const;
   SensorKind sensor() const;
-  LocalMappingStats local_mapping() const;
+  LocalMappingStats local_mapping() const;  ///< of all fragments
 
  private:
   struct Impl;
