@@ -54,36 +54,48 @@ std::optional<LoggedFrame> ParseLine(const std::string& line) {
   return frame;
 }
 
+std::optional<uint64_t> ParseSession(const std::string& line) {
+  uint64_t session_id = 0;
+  if (!line.starts_with(kSessionPrefix)) return std::nullopt;
+  if (!(std::istringstream(line.substr(std::string(kSessionPrefix).size())) >> session_id)) return std::nullopt;
+  return session_id;
+}
+
 }  // namespace
 
-std::string FormatFrameLog(const FrameLog& log) {
-  std::string text = fmt::format("{}{}\n{}\n", kSessionPrefix, log.session_id, kColumns);
-  for (const LoggedFrame& frame : log.frames) {
-    const Eigen::Vector3d& t = frame.T_map_camera.translation();
-    const Eigen::Quaterniond& q = frame.T_map_camera.rotation();
-    text += fmt::format("{},{:.6f},{:.6f},{:.6f},{:.9f},{:.9f},{:.9f},{:.9f},{},{}\n", frame.stamp_ns, t.x(), t.y(),
-                        t.z(), q.w(), q.x(), q.y(), q.z(), frame.on_shared_map ? 1 : 0, RoleName(frame.role));
+std::string FormatFrameLogs(const std::vector<FrameLog>& logs) {
+  std::string text;
+  for (const FrameLog& log : logs) {
+    text += fmt::format("{}{}\n{}\n", kSessionPrefix, log.session_id, kColumns);
+    for (const LoggedFrame& frame : log.frames) {
+      const Eigen::Vector3d& t = frame.T_map_camera.translation();
+      const Eigen::Quaterniond& q = frame.T_map_camera.rotation();
+      text += fmt::format("{},{:.6f},{:.6f},{:.6f},{:.9f},{:.9f},{:.9f},{:.9f},{},{}\n", frame.stamp_ns, t.x(), t.y(),
+                          t.z(), q.w(), q.x(), q.y(), q.z(), frame.on_shared_map ? 1 : 0, RoleName(frame.role));
+    }
   }
   return text;
 }
 
-StatusOr<FrameLog> ParseFrameLog(const std::string& name, const std::string& text) {
+StatusOr<std::vector<FrameLog>> ParseFrameLogs(const std::string& name, const std::string& text) {
   std::istringstream stream(text);
   std::string line;
-  FrameLog log;
-  if (!std::getline(stream, line) || !line.starts_with(kSessionPrefix) ||
-      !(std::istringstream(line.substr(std::string(kSessionPrefix).size())) >> log.session_id)) {
-    return absl::InvalidArgumentError(fmt::format("{}:1: expected '{}N'", name, kSessionPrefix));
-  }
-  if (!std::getline(stream, line) || line != kColumns) {
-    return absl::InvalidArgumentError(fmt::format("{}:2: expected the columns {}", name, kColumns));
-  }
-  for (size_t line_number = 3; std::getline(stream, line); ++line_number) {
+  std::vector<FrameLog> logs;
+  size_t line_number = 1;
+  for (; std::getline(stream, line); ++line_number) {
+    if (const std::optional<uint64_t> session_id = ParseSession(line)) {
+      logs.push_back({*session_id, {}});
+      ++line_number;
+      if (std::getline(stream, line) && line == kColumns) continue;
+      return absl::InvalidArgumentError(fmt::format("{}:{}: expected the columns {}", name, line_number, kColumns));
+    }
+    if (logs.empty()) break;
     std::optional<LoggedFrame> frame = ParseLine(line);
     if (!frame) return absl::InvalidArgumentError(fmt::format("{}:{}: not a frame: {}", name, line_number, line));
-    log.frames.push_back(std::move(*frame));
+    logs.back().frames.push_back(*std::move(frame));
   }
-  return log;
+  if (logs.empty()) return absl::InvalidArgumentError(fmt::format("{}:1: expected '{}N'", name, kSessionPrefix));
+  return logs;
 }
 
 }  // namespace mapp

@@ -29,11 +29,11 @@ struct FrameLog {
   std::vector<LoggedFrame> frames;
 };
 
-/// CSV: a line `# session N`, a line of column names, then
+/// CSV: for each session a line `# session N`, a line of column names, then
 /// `stamp_ns,tx_m,ty_m,tz_m,qw,qx,qy,qz,on_shared_map,role` for each frame, `role` being one of `ordinary`,
 /// `keyframe`, `shared`.
-std::string FormatFrameLog(const FrameLog& log);
-/// INVALID_ARGUMENT naming the line that does not parse. `name` stands for the file in errors.
-StatusOr<FrameLog> ParseFrameLog(const std::string& name, const std::string& text);
+std::string FormatFrameLogs(const std::vector<FrameLog>& logs);
+/// At least one. INVALID_ARGUMENT naming the line that does not parse. `name` stands for the file in errors.
+StatusOr<std::vector<FrameLog>> ParseFrameLogs(const std::string& name, const std::string& text);
 
 }  // namespace mapp

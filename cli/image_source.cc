@@ -26,9 +26,8 @@ class ImageDevice final : public ReplayDevice {
   Status Close(std::chrono::milliseconds timeout, bool wait_for_optimization) override {
     return device_->Close(timeout, wait_for_optimization);
   }
-  const Participant& participant() const override { return device_->participant(); }
-  std::vector<TrajectoryPose> Trajectory() const override { return device_->tracker().Trajectory(); }
-  std::optional<std::vector<TrajectoryPose>> TrajectoryInMap() const override { return device_->TrajectoryInMap(); }
+  std::vector<DeviceFragment> fragments() const override { return device_->fragments(); }
+  ParticipantStats stats() const override { return device_->participant().stats(); }
   KeyframeTotals keyframe_equivalents() const override { return device_->keyframe_equivalents(); }
   LocalMappingStats local_mapping() const override { return device_->tracker().local_mapping(); }
 

@@ -91,7 +91,11 @@ Figures, as in the JSON:
   cpu_s                   device = process - reading, the drawing of rendered frames
                           being part of reading
   aligned_at_keyframe     0 for the session that founds the map, null if never
-  ate_m                   RMSE of positions after the best rigid alignment, metres
+  fragments               a device that is lost for long begins a new session, unaligned
+                          at first; the figures are of all of them together
+  frames_aligned          tracked frames that have a pose in the map in the end
+  ate_m                   RMSE of positions after the best rigid alignment, metres,
+                          of the aligned frames, else of the longest fragment
   ate_joint_m             the same under the alignment of the map's first session,
                           as --align-by gives it: judges the merged map)";
 

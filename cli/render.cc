@@ -13,7 +13,8 @@ Status RunRender(const RenderOptions& options, std::ostream& out) {
   MapImageContent content;
   for (const std::string& file : options.frame_files) {
     MAPP_ASSIGN_OR_RETURN(const std::string text, ReadInput(file));
-    MAPP_ASSIGN_OR_RETURN(content.logs.emplace_back(), ParseFrameLog(file, text));
+    MAPP_ASSIGN_OR_RETURN(const std::vector<FrameLog> logs, ParseFrameLogs(file, text));
+    content.logs.insert(content.logs.end(), logs.begin(), logs.end());
   }
   AdminClient client(options.server);
   MAPP_ASSIGN_OR_RETURN(content.map, client.ExportMap(options.map_name));

@@ -13,13 +13,14 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <map>
 
 namespace mapp {
 namespace {
 
-/// Session poses, in the map's frame once the session is aligned.
-struct SessionTrajectory {
+/// The device's poses, in the map's frame where a fragment is aligned.
+struct DeviceTrajectory {
   bool in_map = false;
   std::vector<TrajectoryPose> poses;  ///< T_map_camera when `in_map`, else T_session_camera
 
@@ -30,9 +31,11 @@ struct SessionTrajectory {
   }
 };
 
-SessionTrajectory TrajectoryOf(const ReplayDevice& device) {
-  if (auto in_map = device.TrajectoryInMap()) return {true, std::move(*in_map)};
-  return {false, device.Trajectory()};
+DeviceTrajectory TrajectoryOf(const std::vector<DeviceFragment>& fragments) {
+  if (auto in_map = TrajectoryInMap(fragments)) return {true, std::move(*in_map)};
+  // Each has a frame of its own: they cannot stand in one trajectory.
+  const auto num_frames = [](const DeviceFragment& fragment) { return fragment.trajectory.size(); };
+  return {false, std::ranges::max_element(fragments, {}, num_frames)->trajectory};
 }
 
 /// The alignment of truth and map as the map's first session gives it.
@@ -54,7 +57,7 @@ std::optional<double> RmseIfPaired(const StatusOr<TrajectoryError>& error) {
   return error->rmse_m;
 }
 
-void FillErrors(const ReplaySource& source, const SessionTrajectory& trajectory, const std::optional<Sim3>& joint,
+void FillErrors(const ReplaySource& source, const DeviceTrajectory& trajectory, const std::optional<Sim3>& joint,
                 ReplayReport& report) {
   const std::vector<StampedPose>& truth = source.ground_truth();
   if (truth.empty()) return;
@@ -64,35 +67,42 @@ void FillErrors(const ReplaySource& source, const SessionTrajectory& trajectory,
   }
 }
 
-FrameLog MakeFrameLog(uint64_t session_id, const SessionTrajectory& trajectory,
-                      const std::vector<PlayedFrame>& frames) {
+/// Of the aligned fragments.
+std::vector<FrameLog> MakeFrameLogs(const std::vector<DeviceFragment>& fragments,
+                                    const std::vector<PlayedFrame>& frames) {
   std::map<int64_t, FrameRole> roles;
   for (const PlayedFrame& frame : frames) roles[frame.stamp_ns] = frame.role;
-  FrameLog log{session_id, {}};
-  for (const TrajectoryPose& pose : trajectory.poses) {
-    log.frames.push_back({pose.stamp_ns, pose.T_session_camera, pose.on_shared_map, roles[pose.stamp_ns]});
+  std::vector<FrameLog> logs;
+  for (const DeviceFragment& fragment : fragments) {
+    const std::optional<Pose3>& T_map_session = fragment.session.T_map_session;
+    if (!T_map_session) continue;
+    FrameLog& log = logs.emplace_back();
+    log.session_id = fragment.session.session->value();
+    for (const TrajectoryPose& pose : fragment.trajectory) {
+      log.frames.push_back(
+          {pose.stamp_ns, *T_map_session * pose.T_session_camera, pose.on_shared_map, roles[pose.stamp_ns]});
+    }
   }
-  return log;
+  return logs;
 }
 
-Status WriteTrajectory(const std::string& file, const SessionTrajectory& trajectory, std::ostream& out) {
+Status WriteTrajectory(const std::string& file, const DeviceTrajectory& trajectory, std::ostream& out) {
   MAPP_RETURN_IF_ERROR(WriteTumTrajectory(file, trajectory.Stamped()));
   if (trajectory.in_map) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const std::string poses, ReadInput(file));
-  return WriteOutput(file, "# T_session_camera: the session was never aligned with the map\n" + poses, out);
+  return WriteOutput(file, "# T_session_camera of the longest fragment: none was aligned with the map\n" + poses, out);
 }
 
 Status WriteFiles(const ReplayOptions& options, const ReplaySource& source, const ReplayReport& report,
-                  const SessionTrajectory& trajectory, const std::vector<PlayedFrame>& frames, std::ostream& out) {
+                  const DeviceTrajectory& trajectory, const std::vector<FrameLog>& logs, std::ostream& out) {
   if (!options.truth_file.empty() && !source.ground_truth().empty()) {
     MAPP_RETURN_IF_ERROR(WriteTumTrajectory(options.truth_file, source.ground_truth()));
   }
   if (!options.trajectory_file.empty()) {
     MAPP_RETURN_IF_ERROR(WriteTrajectory(options.trajectory_file, trajectory, out));
   }
-  if (!options.frames_file.empty() && trajectory.in_map) {
-    const FrameLog log = MakeFrameLog(report.session_id, trajectory, frames);
-    MAPP_RETURN_IF_ERROR(WriteOutput(options.frames_file, FormatFrameLog(log), out));
+  if (!options.frames_file.empty() && !logs.empty()) {
+    MAPP_RETURN_IF_ERROR(WriteOutput(options.frames_file, FormatFrameLogs(logs), out));
   }
   if (!options.json_file.empty()) {
     MAPP_RETURN_IF_ERROR(WriteOutput(options.json_file, FormatJson(report), out));
@@ -151,23 +161,27 @@ Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const
   Status closed = device->Close(options.patience, /*wait_for_optimization=*/true);
 
   ReplayReport report = DescribeRun(options);
+  const std::vector<DeviceFragment> fragments = device->fragments();
   // A server that is killed while it optimizes forgets to; the session's own data are safe.
   report.optimization_pending =
-      absl::IsDeadlineExceeded(closed) && device->participant().state() == ParticipantState::kClosed;
+      absl::IsDeadlineExceeded(closed) && std::ranges::all_of(fragments, [](const DeviceFragment& fragment) {
+        return fragment.session.state == ParticipantState::kClosed;
+      });
   if (report.optimization_pending) closed = absl::OkStatus();
   report.interrupted = absl::IsCancelled(played.status);
   const ProcessUsage usage = GetProcessUsage();
   report.cpu.process_s = usage.cpu_s - cpu_before_s;
   report.peak_rss_bytes = usage.peak_rss_bytes;
   report.duration_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const SessionTrajectory trajectory = TrajectoryOf(*device);
+  const DeviceTrajectory trajectory = TrajectoryOf(fragments);
   FillFrames(played.frames, report);
+  FillFragments(fragments, report);
   FillParticipation(*device, report);
   FillErrors(source, trajectory, joint, report);
-  MAPP_RETURN_IF_ERROR(WriteFiles(options, source, report, trajectory, played.frames, out));
+  MAPP_RETURN_IF_ERROR(WriteFiles(options, source, report, trajectory, MakeFrameLogs(fragments, played.frames), out));
   if (options.json_file != "-") out << FormatText(report);
 
-  return Outcome(played.status, closed, device->participant().stats());
+  return Outcome(played.status, closed, device->stats());
 }
 
 }  // namespace mapp

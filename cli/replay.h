@@ -32,10 +32,11 @@ struct ReplayOptions {
   ParticipantOptions participation;  ///< policies and their settings; map and device are those above
   ReplayRate rate = ReplayRate::kMax;
   std::optional<AlignBy> align_by;
-  /// TUM, T_map_camera once aligned, else T_session_camera as the file's first line says; empty: none.
+  /// TUM, T_map_camera of the aligned fragments, else T_session_camera of the longest one as the file's first line
+  /// says; empty: none.
   std::string trajectory_file;
   std::string truth_file;   ///< the sequence's ground truth as TUM, where it has one; empty: none
-  std::string frames_file;  ///< frame log for `mapp render`, only of an aligned session; empty: none
+  std::string frames_file;  ///< frame log for `mapp render`, of the aligned fragments if any; empty: none
   std::string json_file;    ///< the report as JSON, `-` for standard output; empty: none
   /// How long one frame's consequences, or closing the session, may take.
   std::chrono::milliseconds patience{120'000};
@@ -43,6 +44,7 @@ struct ReplayOptions {
 
 /// `mapp replay`: plays a sequence through the built-in tracker, or its features through a device
 /// without images, against a server, closes the session and reports.
+/// A device that is lost for long goes on in a new fragment, which is a session of its own.
 /// A stop request ends it after the frame under way: the session is closed, the report written, and the answer is
 /// CANCELLED. So is a sequence that breaks off at a broken image, whose error is then the answer.
 /// ABORTED: keyframes were refused by the server or found no room while it was away; the report counts them.

@@ -52,9 +52,22 @@ void FillFrames(const std::vector<PlayedFrame>& frames, ReplayReport& report) {
   report.latency.localization = localization.Summary();
 }
 
+void FillFragments(const std::vector<DeviceFragment>& fragments, ReplayReport& report) {
+  for (const DeviceFragment& fragment : fragments) {
+    ReplayFragment& entry = report.fragments.emplace_back();
+    if (fragment.session.session) entry.session_id = fragment.session.session->value();
+    entry.frames_tracked = fragment.trajectory.size();
+    entry.keyframes = fragment.session.stats.num_keyframes;
+    entry.keyframes_uploaded = fragment.session.stats.num_uploaded;
+    entry.aligned_at_keyframe = fragment.session.stats.aligned_at_keyframe;
+    entry.aligned = fragment.session.T_map_session.has_value();
+    if (entry.aligned) report.frames_aligned += entry.frames_tracked;
+  }
+  report.session_id = report.fragments.front().session_id.value_or(0);
+}
+
 void FillParticipation(const ReplayDevice& device, ReplayReport& report) {
-  const ParticipantStats stats = device.participant().stats();
-  report.session_id = device.participant().session().value();
+  const ParticipantStats stats = device.stats();
   report.keyframes = stats.num_keyframes;
   report.keyframe_equivalents = device.keyframe_equivalents().num_keyframes;
   report.keyframes_uploaded = stats.num_uploaded;

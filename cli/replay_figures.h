@@ -10,6 +10,7 @@ namespace mapp {
 
 /// What the played frames and the device's participation come to, put into the report.
 void FillFrames(const std::vector<PlayedFrame>& frames, ReplayReport& report);
+void FillFragments(const std::vector<DeviceFragment>& fragments, ReplayReport& report);
 void FillParticipation(const ReplayDevice& device, ReplayReport& report);
 
 }  // namespace mapp

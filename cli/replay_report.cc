@@ -5,6 +5,7 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <utility>
 
 namespace mapp {
@@ -68,6 +69,25 @@ void WriteCpu(const ReplayCpu& cpu, JsonWriter& json) {
   json.Field("local_mapping", cpu.local_mapping_s).Field("network", cpu.network_s).EndObject();
 }
 
+void WriteFragments(const std::vector<ReplayFragment>& fragments, JsonWriter& json) {
+  json.Key("fragments").BeginArray();
+  for (const ReplayFragment& fragment : fragments) {
+    json.BeginObject().Field("session_id", fragment.session_id).Field("frames_tracked", fragment.frames_tracked);
+    json.Field("keyframes", fragment.keyframes).Field("keyframes_uploaded", fragment.keyframes_uploaded);
+    json.Field("aligned", fragment.aligned).Field("aligned_at_keyframe", fragment.aligned_at_keyframe).EndObject();
+  }
+  json.EndArray();
+}
+
+void AddFragmentRows(const ReplayReport& report, TextTable& table) {
+  if (report.fragments.size() < 2) return;
+  const auto num_aligned = std::ranges::count_if(report.fragments, &ReplayFragment::aligned);
+  table.AddRow({"frames_aligned", fmt::format("{} ({})", report.frames_aligned,
+                                              Percent(Ratio(static_cast<double>(report.frames_aligned),
+                                                            static_cast<double>(report.frames))))});
+  table.AddRow({"fragments", fmt::format("{}, {} aligned", report.fragments.size(), num_aligned)});
+}
+
 }  // namespace
 
 std::optional<double> ReplayReport::Freshness() const {
@@ -98,6 +118,7 @@ std::string FormatJson(const ReplayReport& report) {
   json.Field("duration_s", report.duration_s);
 
   json.Field("frames", report.frames).Field("frames_tracked", report.frames_tracked);
+  json.Field("frames_aligned", report.frames_aligned);
   json.Field("keyframes", report.keyframes).Field("keyframe_equivalents", report.keyframe_equivalents);
   json.Field("keyframes_uploaded", report.keyframes_uploaded).Field("keyframes_skipped", report.keyframes_skipped);
   json.Field("keyframes_dropped", report.keyframes_dropped).Field("keyframes_rejected", report.keyframes_rejected);
@@ -126,6 +147,7 @@ std::string FormatJson(const ReplayReport& report) {
   WriteCpu(report.cpu, json);
   json.Field("peak_rss_bytes", report.peak_rss_bytes);
   json.Field("ate_m", report.ate_m).Field("ate_joint_m", report.ate_joint_m);
+  WriteFragments(report.fragments, json);
   json.EndObject();
   return std::move(json).Finish();
 }
@@ -136,6 +158,7 @@ std::string FormatText(const ReplayReport& report) {
   table.AddRow({"frames", std::to_string(report.frames) + (report.interrupted ? " (interrupted)" : "")});
   table.AddRow({"frames_tracked", fmt::format("{} ({})", report.frames_tracked,
                                               Percent(Ratio(static_cast<double>(report.frames_tracked), frames)))});
+  AddFragmentRows(report, table);
   table.AddRow(
       {"frames_on_shared_map", fmt::format("{} ({})", report.frames_on_shared_map,
                                            Percent(Ratio(static_cast<double>(report.frames_on_shared_map), frames)))});

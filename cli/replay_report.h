@@ -41,7 +41,18 @@ struct ReplayCpu {
   double network_s = 0;
 };
 
-/// What `mapp replay` reports of one session. The names are those of the JSON keys.
+/// A stretch of the way that was tracked without being lost for long: a session of its own at the server.
+struct ReplayFragment {
+  std::optional<uint64_t> session_id;  ///< absent for one that the server was never told of
+  uint64_t frames_tracked = 0;
+  uint64_t keyframes = 0;
+  uint64_t keyframes_uploaded = 0;
+  std::optional<uint32_t> aligned_at_keyframe;  ///< absent without a keyframe that was told of as aligning it
+  bool aligned = false;                         ///< in the end, be it after the fragment's own end
+};
+
+/// What `mapp replay` reports of one device's way. The names are those of the JSON keys. All figures are of all
+/// fragments together.
 ///
 /// A device on a shared map makes no keyframes, so figures "per keyframe" divide by all moments at which it mapped or,
 /// mapping for itself, would have: `keyframes` + `keyframe_equivalents`. `full_bytes` counts what `upload_all` would
@@ -55,7 +66,7 @@ struct ReplayReport {
   std::string injection;
   bool sharing = true;
   double alpha = 0;
-  uint64_t session_id = 0;
+  uint64_t session_id = 0;   ///< the first fragment's
   bool interrupted = false;  ///< ended by a signal before the last frame
   /// The session was closed, but the end of the map's optimization was not heard of in time; poses are as before it.
   bool optimization_pending = false;
@@ -63,16 +74,17 @@ struct ReplayReport {
 
   uint64_t frames = 0;          ///< played
   uint64_t frames_tracked = 0;  ///< with a pose
+  uint64_t frames_aligned = 0;  ///< of these, with a pose in the map in the end
   uint64_t frames_on_shared_map = 0;
   /// Stamps of the frames on the shared map whose predecessor was not.
   std::vector<int64_t> sharing_started_ns;
   uint64_t keyframes = 0;                       ///< made by the device
   uint64_t keyframe_equivalents = 0;            ///< frames on a shared map at which it would have made one
   uint64_t keyframes_uploaded = 0;              ///< acknowledged by the server
-  uint64_t keyframes_skipped = 0;               ///< not sent: the map knows all of them
+  uint64_t keyframes_skipped = 0;               ///< not sent: the map knows all of it, or alone in its fragment
   uint64_t keyframes_dropped = 0;               ///< not sent: the queue was full
   uint64_t keyframes_rejected = 0;              ///< refused by the server for good
-  std::optional<uint32_t> aligned_at_keyframe;  ///< 0 for the session that founds the map
+  std::optional<uint32_t> aligned_at_keyframe;  ///< 0 for the session that founds the map; the first aligned fragment's
   std::optional<double> overlap_mean;           ///< over answered queries, by the device's own count
 
   uint64_t upload_bytes = 0;  ///< keyframes and update reports, retries included
@@ -93,10 +105,13 @@ struct ReplayReport {
   ReplayCpu cpu;
   uint64_t peak_rss_bytes = 0;  ///< of the process, the drawing of frames included
 
-  /// Absolute trajectory error after the best rigid alignment, metres; absent without ground truth.
+  /// Absolute trajectory error after the best rigid alignment, metres: of the frames with a pose in the map, or, when
+  /// no fragment was aligned, of the longest one. Absent without ground truth.
   std::optional<double> ate_m;
   /// The same under the alignment of the map's first session; absent without --align-by or when never aligned.
   std::optional<double> ate_joint_m;
+
+  std::vector<ReplayFragment> fragments;  ///< in order
 
   /// Share of the points asked about that the map did not hold: 1 - overlap_mean.
   std::optional<double> Freshness() const;

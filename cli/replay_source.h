@@ -33,9 +33,8 @@ class ReplayDevice {
   /// As Device's.
   virtual Status WaitIdle(std::chrono::milliseconds timeout) = 0;
   virtual Status Close(std::chrono::milliseconds timeout, bool wait_for_optimization) = 0;
-  virtual const Participant& participant() const = 0;
-  virtual std::vector<TrajectoryPose> Trajectory() const = 0;  ///< T_session_camera
-  virtual std::optional<std::vector<TrajectoryPose>> TrajectoryInMap() const = 0;
+  virtual std::vector<DeviceFragment> fragments() const = 0;
+  virtual ParticipantStats stats() const = 0;  ///< of all fragments
   virtual KeyframeTotals keyframe_equivalents() const = 0;
   virtual LocalMappingStats local_mapping() const = 0;
 };

@@ -41,12 +41,8 @@ Status FeatureDevice::Close(std::chrono::milliseconds timeout, bool wait_for_opt
   return participant_->Close(timeout, wait_for_optimization);
 }
 
-std::optional<std::vector<TrajectoryPose>> FeatureDevice::TrajectoryInMap() const {
-  const std::optional<Pose3> T_map_session = participant_->T_map_session();
-  if (!T_map_session) return std::nullopt;
-  std::vector<TrajectoryPose> trajectory = tracker_->Trajectory();
-  for (TrajectoryPose& pose : trajectory) pose.T_session_camera = *T_map_session * pose.T_session_camera;
-  return trajectory;
+std::vector<DeviceFragment> FeatureDevice::fragments() const {
+  return {{participant_->fragments().front(), tracker_->Trajectory()}};
 }
 
 }  // namespace mapp::sim

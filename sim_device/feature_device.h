@@ -1,13 +1,12 @@
 #pragma once
 
-#include "mapp/client/participant.h"
+#include "mapp/client/device.h"
 #include "sim/world/visit.h"
 #include "sim_device/feature_tracker.h"
 
 #include <chrono>
 #include <cstdint>
 #include <memory>
-#include <optional>
 #include <vector>
 
 namespace mapp::sim {
@@ -27,7 +26,7 @@ class FeatureDevice {
   /// As Device's.
   Status WaitIdle(std::chrono::milliseconds timeout);
   Status Close(std::chrono::milliseconds timeout, bool wait_for_optimization);
-  std::optional<std::vector<TrajectoryPose>> TrajectoryInMap() const;
+  std::vector<DeviceFragment> fragments() const;  ///< one: it never gets lost
   const FeatureTracker& tracker() const { return *tracker_; }
   const Participant& participant() const { return *participant_; }
   const KeyframeTotals& keyframe_equivalents() const { return keyframe_equivalents_; }

@@ -132,6 +132,8 @@ mapp::Status Run(const std::string& map_name, const std::string& server) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<mapp::Participant> participant,
                         mapp::Participant::Open(client, options, slam.camera(), mapp::SensorKind::kRgbd, &slam));
 
+  // A system that loses its place for good and starts over, with a new map in a new frame, calls
+  // participant->BeginFragment() first, then drops the shared map it may hold; this one never gets lost.
   while (slam.step() + 1 < kNumSteps) {
     slam.Step();
     const std::optional<mapp::SharedMapFrame> on_shared_map = slam.LocalizeOnSharedMap();

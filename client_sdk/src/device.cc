@@ -4,10 +4,35 @@
 
 namespace mapp {
 
+std::optional<std::vector<TrajectoryPose>> TrajectoryInMap(const std::vector<DeviceFragment>& fragments) {
+  std::optional<std::vector<TrajectoryPose>> in_map;
+  for (const DeviceFragment& fragment : fragments) {
+    const std::optional<Pose3>& T_map_session = fragment.session.T_map_session;
+    if (!T_map_session) continue;
+    if (!in_map) in_map.emplace();
+    for (TrajectoryPose pose : fragment.trajectory) {
+      pose.T_session_camera = *T_map_session * pose.T_session_camera;
+      in_map->push_back(pose);
+    }
+  }
+  return in_map;
+}
+
 struct Device::Impl {
   std::unique_ptr<OrbTracker> tracker;
   std::unique_ptr<Participant> participant;  // ends first: it calls the tracker
   KeyframeTotals keyframe_equivalents;
+  std::vector<std::vector<TrajectoryPose>> ended_trajectories;
+
+  /// Goes on in a new session where the tracker has begun a new fragment.
+  void FollowRestarts() {
+    for (EndedFragment& ended : tracker->TakeEndedFragments()) {
+      for (Keyframe& keyframe : ended.keyframes) participant->OnKeyframe(std::move(keyframe));
+      participant->BeginFragment();
+      tracker->LeaveSharedMap();  // one may have arrived while the tracker restarted
+      ended_trajectories.push_back(std::move(ended.trajectory));
+    }
+  }
 
   /// Hands the keyframes that local mapping has finished to the participant.
   void HandOverKeyframes() {
@@ -45,6 +70,7 @@ Device::~Device() = default;
 StatusOr<DevicePose> Device::Track(const TrackerFrame& frame) {
   DevicePose pose;
   MAPP_ASSIGN_OR_RETURN(pose.tracking, impl_->tracker->Track(frame));
+  impl_->FollowRestarts();
   impl_->HandOverKeyframes();
   if (pose.tracking.shared_map_number > 0) impl_->ReportSharedMapFrame(pose.tracking);
   if (pose.tracking.would_be_keyframe) impl_->CountKeyframeEquivalent();
@@ -67,12 +93,14 @@ Status Device::Close(std::chrono::milliseconds timeout, bool wait_for_optimizati
   return impl_->participant->Close(timeout, wait_for_optimization);
 }
 
-std::optional<std::vector<TrajectoryPose>> Device::TrajectoryInMap() const {
-  const std::optional<Pose3> T_map_session = impl_->participant->T_map_session();
-  if (!T_map_session) return std::nullopt;
-  std::vector<TrajectoryPose> trajectory = impl_->tracker->Trajectory();
-  for (TrajectoryPose& pose : trajectory) pose.T_session_camera = *T_map_session * pose.T_session_camera;
-  return trajectory;
+std::vector<DeviceFragment> Device::fragments() const {
+  std::vector<DeviceFragment> fragments;
+  for (const ParticipantFragment& session : impl_->participant->fragments()) {
+    const size_t i = fragments.size();
+    fragments.push_back(
+        {session, i < impl_->ended_trajectories.size() ? impl_->ended_trajectories[i] : impl_->tracker->Trajectory()});
+  }
+  return fragments;
 }
 
 const OrbTracker& Device::tracker() const { return *impl_->tracker; }

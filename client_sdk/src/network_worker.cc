@@ -16,7 +16,7 @@ constexpr size_t kMaxHeldTiles = 2048;
 /// Between rounds of retries while the server stays away; MapClient has its own pauses within a round.
 constexpr std::chrono::milliseconds kPauseBetweenRounds{500};
 
-/// The server may do better later: the keyframe stays at the queue's head.
+/// The server may do better later: what failed is tried again.
 bool IsTransient(const Status& status) { return absl::IsUnavailable(status) || absl::IsDeadlineExceeded(status); }
 
 void NoteError(SessionProgress& progress, const Status& status) {
@@ -26,17 +26,44 @@ void NoteError(SessionProgress& progress, const Status& status) {
 }  // namespace
 
 NetworkWorker::NetworkWorker(MapClient& client, SessionProgress& progress, SlamAdapter* adapter,
-                             const ParticipantOptions& options, const ClientSession& session, const Camera& camera)
+                             const SessionSetup& setup)
     : client_(client),
       progress_(progress),
       adapter_(adapter),
-      options_(options),
-      session_(session),
-      camera_(camera),
-      tiles_(session.tile_edge_m, kMaxHeldTiles, camera),
-      rng_(session.id.value()) {}
+      setup_(setup),
+      options_(setup_.participation),
+      camera_(setup_.camera) {}
+
+Status NetworkWorker::Open() {
+  if (!session_) {
+    MAPP_ASSIGN_OR_RETURN(
+        session_, client_.OpenSession(options_.map_name, options_.device, setup_.sensor, camera_, options_.create_map));
+    tiles_.emplace(session_->tile_edge_m, kMaxHeldTiles, camera_);
+    rng_ = Rng(session_->id.value());
+    progress_.OnOpened(session_->id);
+    watch_ = client_.WatchSession(session_->id, [this](const ClientEvent& event) { progress_.OnEvent(event); });
+  }
+  return progress_.WaitForWatch(std::chrono::steady_clock::now() + setup_.client.call_timeout);
+}
+
+bool NetworkWorker::OpenWhenPossible() {
+  if (session_) return true;
+  if (!progress_.WaitUntilWorthOpening()) return false;
+  while (true) {
+    const Status status = Open();
+    if (status.ok()) return true;
+    if (control_.cancelled()) return false;
+    NoteError(progress_, status);
+    if (!IsTransient(status)) {
+      progress_.OnOpeningRefused(Annotate(status, "opening the session of a new fragment"));
+      return false;
+    }
+    if (!control_.Pause(kPauseBetweenRounds)) return false;
+  }
+}
 
 void NetworkWorker::Run() {
+  if (!OpenWhenPossible()) return;
   while (const std::optional<Job> job = progress_.NextJob()) {
     const double cpu_before_s = ThreadCpuSeconds();
     std::visit([this](const auto& some_job) { Handle(some_job); }, *job);
@@ -70,8 +97,28 @@ Status NetworkWorker::Process(const KeyframeJob& job) {
   return absl::OkStatus();
 }
 
+void NetworkWorker::Handle(const CloseJob&) {
+  while (true) {
+    const auto closed = client_.CloseSession(session_->id);
+    if (closed.ok()) {
+      progress_.OnClosed(/*optimization_pending=*/closed->second);
+      return;
+    }
+    if (control_.cancelled()) return;
+    NoteError(progress_, closed.status());
+    if (!IsTransient(closed.status())) {
+      progress_.OnCloseRefused(closed.status());
+      return;
+    }
+    progress_.OnCloseFailed(closed.status());
+    if (!control_.Pause(kPauseBetweenRounds)) return;
+  }
+}
+
+bool NetworkWorker::MayShare() const { return options_.sharing && !progress_.closing(); }
+
 void NetworkWorker::Handle(const AlignedJob&) {
-  if (!options_.sharing || !last_registering_ || progress_.state() != ParticipantState::kExpanding) return;
+  if (!MayShare() || !last_registering_ || progress_.state() != ParticipantState::kExpanding) return;
   const Keyframe keyframe = *std::exchange(last_registering_, std::nullopt);
   const OwnPoints own = OwnPointsOf(keyframe, camera_);
   if (own.p_camera.empty()) return;
@@ -85,7 +132,8 @@ void NetworkWorker::Handle(const AlignedJob&) {
   if (!shared.ok()) NoteError(progress_, shared.status());
 }
 
-Status NetworkWorker::Upload(const Keyframe& keyframe) {
+Status NetworkWorker::Upload(Keyframe keyframe) {
+  keyframe.session = session_->id;
   const std::string packet = EncodeKeyframe(keyframe);
   const Stopwatch stopwatch;
   MAPP_ASSIGN_OR_RETURN(const ClientUpload upload, client_.UploadKeyframe(packet));
@@ -98,12 +146,12 @@ Status NetworkWorker::Expand(Keyframe keyframe) {
   const OwnPoints own = OwnPointsOf(keyframe, camera_);
   if (own.p_camera.empty()) return Skip();
   MAPP_ASSIGN_OR_RETURN(const std::optional<Assessment> assessment, Assess(keyframe, own));
-  if (!assessment) return Upload(keyframe);
+  if (!assessment) return Upload(std::move(keyframe));
   const OverlapCount& count = assessment->count;
   keyframe.overlap = static_cast<float>(count.overlap);
 
   bool known = count.overlap >= options_.seen_overlap;
-  if (known && options_.sharing && progress_.state() != ParticipantState::kSharing) {
+  if (known && MayShare() && progress_.state() != ParticipantState::kSharing) {
     MAPP_ASSIGN_OR_RETURN(known, Share(keyframe, count.overlap, Patience::kRetry));
   }
   if (known) return Skip();
@@ -126,12 +174,12 @@ StatusOr<std::optional<NetworkWorker::Assessment>> NetworkWorker::Assess(const K
                        .sketch = MakeQuerySketch(options_.sampler, camera_, own.p_camera)};
   const Stopwatch round_trip;
   const StatusOr<OverlapAnswer> answer =
-      client_.AssessOverlap(session_.id, keyframe.number, view, static_cast<size_t>(options_.num_samples));
+      client_.AssessOverlap(session_->id, keyframe.number, view, static_cast<size_t>(options_.num_samples));
   if (absl::IsFailedPrecondition(answer.status())) return std::nullopt;
   MAPP_RETURN_IF_ERROR(answer.status());
   progress_.RecordLatency(Step::kOverlapAssessment, round_trip.Elapsed());
   const Stopwatch counting;
-  const OverlapQuestion question{camera_, session_.cone_range_m, view.sampler, view.sketch, options_.num_samples};
+  const OverlapQuestion question{camera_, session_->cone_range_m, view.sampler, view.sketch, options_.num_samples};
   OverlapCount count = CountOverlap(question, *answer, own.p_camera);
   const std::chrono::nanoseconds counting_time = counting.Elapsed();
   progress_.UpdateStats([&](ParticipantStats& stats) {
@@ -144,7 +192,7 @@ StatusOr<std::optional<NetworkWorker::Assessment>> NetworkWorker::Assess(const K
 StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patience patience) {
   const std::optional<Pose3> T_map_session = progress_.T_map_session();
   if (!T_map_session) return absl::FailedPreconditionError("the session is not aligned");
-  tiles_.Forget(progress_.TakeChangedTiles());
+  tiles_->Forget(progress_.TakeChangedTiles());
   // The server does not read the sketch here, and the uniform sampler's form of the view leaves it out.
   const ViewQuery query{.pose_frame = view.pose_frame,
                         .T_frame_camera = view.T_frame_camera,
@@ -156,17 +204,17 @@ StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patien
                                        .oversharing = options_.oversharing,
                                        .overlap = overlap,
                                        .min_seen_by_others = options_.min_seen_by_others,
-                                       .held_tiles = tiles_.Held()};
-  MAPP_ASSIGN_OR_RETURN(ClientSharedMap received, client_.RequestSharedMap(session_.id, request, patience));
+                                       .held_tiles = tiles_->Held()};
+  MAPP_ASSIGN_OR_RETURN(ClientSharedMap received, client_.RequestSharedMap(session_->id, request, patience));
   progress_.RecordLatency(Step::kSharedMap, stopwatch.Elapsed());
   if (received.is_own_map) return false;
-  tiles_.Put(std::move(received.tiles));
+  tiles_->Put(std::move(received.tiles));
   const Pose3 T_map_camera =
       view.pose_frame == PoseFrame::kMap ? view.T_frame_camera : *T_map_session * view.T_frame_camera;
   const ViewCone cone{.T_map_camera = T_map_camera,
-                      .range_m = session_.cone_range_m,
+                      .range_m = session_->cone_range_m,
                       .field_of_view = options_.oversharing * camera_.FieldOfView()};
-  const auto map = tiles_.MapInView(cone, *T_map_session, num_shared_maps_ + 1);
+  const auto map = tiles_->MapInView(cone, *T_map_session, num_shared_maps_ + 1);
   if (map->points.empty()) return false;
   ++num_shared_maps_;
   // First the state: the tracking thread may report on the map as soon as it has it.
@@ -178,6 +226,10 @@ StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patien
 void NetworkWorker::Handle(const FailureJob& job) {
   // Algorithm 1 of the paper, an iteration of its loop at a time: whether the device localises on the map it gets here
   // is told by its next frames.
+  if (!MayShare()) {
+    LeaveSharedMap();
+    return;
+  }
   if (job.num_maps_tried >= options_.max_shared_map_tries) {
     ReportFailure(job);
     return;
@@ -197,11 +249,12 @@ void NetworkWorker::ReportFailure(const FailureJob& job) {
     return;
   }
   Keyframe keyframe = *job.keyframe;
+  keyframe.session = session_->id;
   PlaceInMap(keyframe);
   progress_.UpdateStats([](ParticipantStats& stats) { ++stats.num_update_reports; });
   const Stopwatch stopwatch;
   const StatusOr<ClientUpdateVerdict> verdict =
-      client_.ReportUpdate(session_.id, {EncodeKeyframe(keyframe)}, Patience::kOneAttempt);
+      client_.ReportUpdate(session_->id, {EncodeKeyframe(keyframe)}, Patience::kOneAttempt);
   if (!verdict.ok()) NoteError(progress_, verdict.status());
   if (verdict.ok()) progress_.RecordLatency(Step::kUpdateReport, stopwatch.Elapsed());
   if (verdict.ok() && *verdict == ClientUpdateVerdict::kUpdating) progress_.AddEvidence(*job.keyframe, true);

@@ -7,37 +7,53 @@
 #include "session_progress.h"
 #include "shared_tiles.h"
 
+#include <chrono>
+#include <memory>
 #include <optional>
 
 namespace mapp {
 
-/// What a participant's network thread does: sends keyframes by the rules of the session's state (DESIGN 3) and follows
-/// algorithm 1 of the paper after failures on the shared map. One thread only, but for Cancel.
+/// What the sessions of one participant have in common.
+struct SessionSetup {
+  MapClientOptions client;
+  ParticipantOptions participation;
+  Camera camera;
+  SensorKind sensor = SensorKind::kRgbd;
+};
+
+/// What a session's network thread does: sends keyframes by the rules of the session's state (DESIGN 3), follows
+/// algorithm 1 of the paper after failures on the shared map, and closes the session. One thread only, but for Cancel.
 class NetworkWorker {
  public:
-  /// All but the options and the camera are borrowed and must outlive the worker; `adapter` may be null when nothing is
-  /// to be shared.
-  NetworkWorker(MapClient& client, SessionProgress& progress, SlamAdapter* adapter, const ParticipantOptions& options,
-                const ClientSession& session, const Camera& camera);
+  /// All but the setup is borrowed and must outlive the worker; `adapter` may be null when nothing is to be shared.
+  NetworkWorker(MapClient& client, SessionProgress& progress, SlamAdapter* adapter, const SessionSetup& setup);
 
-  /// Works until progress.Stop().
+  /// Opens the session and waits until the server tells of its events. May be called again after a failure.
+  Status Open();
+  /// Opens the session, unless Open() has, as soon as it is worth it and the server can be reached; works until it is
+  /// closed or progress.Stop().
   void Run();
   /// Ends the pauses between attempts. May be called from any thread.
   void Cancel() { control_.Cancel(); }
 
  private:
+  bool OpenWhenPossible();
   void Handle(const KeyframeJob& job);
   void Handle(const FailureJob& job);
   /// Asks about the keyframe uploaded last as if it were new: the map around it may serve from here on.
   void Handle(const AlignedJob& job);
+  /// Until the server has acknowledged it or says that it never will.
+  void Handle(const CloseJob& job);
 
   /// Once, whatever comes of it.
   Status Process(const KeyframeJob& job);
-  Status Upload(const Keyframe& keyframe);
+  Status Upload(Keyframe keyframe);
   /// Asks how much of it the map holds, and sends the fresh part or takes the shared map.
   Status Expand(Keyframe keyframe);
   /// Counts a keyframe that need not be sent.
   Status Skip();
+  /// A device that has begun another fragment, or leaves, needs no map of this one.
+  bool MayShare() const;
   /// The device's own count by the answer to a query, and how long it took to count.
   struct Assessment {
     OverlapCount count;
@@ -57,12 +73,14 @@ class NetworkWorker {
   MapClient& client_;
   SessionProgress& progress_;
   SlamAdapter* const adapter_;
-  const ParticipantOptions options_;
-  const ClientSession session_;
-  const Camera camera_;
+  const SessionSetup setup_;
+  const ParticipantOptions& options_;  // in setup_
+  const Camera& camera_;               // in setup_
   CallControl control_;
-  SharedTiles tiles_;
-  Rng rng_;
+  std::optional<ClientSession> session_;  // once opened, as the two that follow
+  std::optional<SharedTiles> tiles_;
+  std::unique_ptr<WatchHandle> watch_;
+  Rng rng_{0};
   uint32_t num_shared_maps_ = 0;
   std::optional<Keyframe> last_registering_;  // uploaded last while the session was a fragment
 };

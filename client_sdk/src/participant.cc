@@ -1,20 +1,27 @@
 #include "mapp/client/participant.h"
 
+#include "fragment_session.h"
+#include "mapp/base/check.h"
+#include "mapp/base/mutex.h"
 #include "mapp/codec/keyframe_codec.h"
-#include "network_worker.h"
-#include "session_progress.h"
+#include "session_figures.h"
 
 #include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
-#include <thread>
 #include <utility>
 
 namespace mapp {
 namespace {
 
 using std::chrono::steady_clock;
+
+/// A fragment of fewer was a moment's mistake: the server could never tell its place.
+constexpr size_t kMinKeyframesToOpen = 2;
+/// Sessions kept, the present one among them: each has its threads and its connection, and up to a full queue while the
+/// server is away.
+constexpr size_t kMaxFollowed = 17;
 
 Status CheckRange(double value, double low, double high, const char* field) {
   if (value >= low && value <= high) return absl::OkStatus();
@@ -52,32 +59,35 @@ KeyframeTotals& KeyframeTotals::operator+=(const KeyframeTotals& other) {
 }
 
 struct Participant::Impl {
-  Impl(std::unique_ptr<MapClient> c, const ParticipantOptions& options, const ClientSession& s, const Camera& cam,
-       SlamAdapter* adapter)
-      : client(std::move(c)),
-        session(s),
-        camera(cam),
-        progress(options.max_queued_keyframes),
-        worker(*client, progress, adapter, options, session, camera),
-        watch(client->WatchSession(session.id, [this](const ClientEvent& event) { progress.OnEvent(event); })),
-        thread([this] { worker.Run(); }) {}
+  Impl(const SessionSetup& with_setup, SlamAdapter* with_adapter) : setup(with_setup), adapter(with_adapter) {}
 
-  ~Impl() {
-    progress.Stop();
-    worker.Cancel();
-    client->Cancel();
-    if (thread.joinable()) thread.join();
+  std::shared_ptr<FragmentSession> present() const {
+    MutexLock lock(mutex);
+    return followed.back();
+  }
+  std::vector<std::shared_ptr<FragmentSession>> Followed() const {
+    MutexLock lock(mutex);
+    return followed;
+  }
+  /// Makes `session` the present one. Keeps of the oldest beyond the limit, which has stopped, what it came to.
+  void Push(std::shared_ptr<FragmentSession> session) {
+    MutexLock lock(mutex);
+    followed.push_back(std::move(session));
+    if (closing) followed.back()->BeginClose();
+    if (followed.size() <= kMaxFollowed) return;
+    forgotten.push_back(followed.front()->Describe());
+    forgotten_figures += followed.front()->figures();
+    followed.erase(followed.begin());
   }
 
-  Status WaitForOptimization(steady_clock::time_point deadline);
+  const SessionSetup setup;
+  SlamAdapter* const adapter;
 
-  const std::unique_ptr<MapClient> client;
-  const ClientSession session;
-  const Camera camera;
-  SessionProgress progress;
-  NetworkWorker worker;
-  std::unique_ptr<WatchHandle> watch;  // ends before what its events change
-  std::thread thread;
+  mutable Mutex mutex;
+  bool closing ABSL_GUARDED_BY(mutex) = false;
+  std::vector<std::shared_ptr<FragmentSession>> followed ABSL_GUARDED_BY(mutex);  // the present one last
+  std::vector<ParticipantFragment> forgotten ABSL_GUARDED_BY(mutex);              // those before, as they were last
+  SessionFigures forgotten_figures ABSL_GUARDED_BY(mutex);
 };
 
 StatusOr<std::unique_ptr<Participant>> Participant::Open(const MapClientOptions& client_options,
@@ -89,83 +99,76 @@ StatusOr<std::unique_ptr<Participant>> Participant::Open(const MapClientOptions&
     return absl::InvalidArgumentError("adapter: must be given, except with kUploadAll");
   }
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<MapClient> client, MapClient::Create(client_options));
-  MAPP_ASSIGN_OR_RETURN(const ClientSession session,
-                        client->OpenSession(options.map_name, options.device, sensor, camera, options.create_map));
-  std::unique_ptr<Participant> participant(
-      new Participant(std::make_unique<Impl>(std::move(client), options, session, camera, adapter)));
-  MAPP_RETURN_IF_ERROR(participant->impl_->progress.WaitForWatch(steady_clock::now() + client_options.call_timeout));
-  return participant;
+  const SessionSetup setup{client_options, options, camera, sensor};
+  auto first = std::make_shared<FragmentSession>(std::move(client), setup, adapter, /*min_to_open=*/0);
+  MAPP_RETURN_IF_ERROR(first->Open());
+  auto impl = std::make_unique<Impl>(setup, adapter);
+  impl->Push(std::move(first));
+  return std::unique_ptr<Participant>(new Participant(std::move(impl)));
 }
 
 Participant::Participant(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Participant::~Participant() = default;
 
-void Participant::OnKeyframe(Keyframe keyframe) {
-  keyframe.session = impl_->session.id;
-  if (const Status status = Validate(keyframe, impl_->camera); !status.ok()) {
-    impl_->progress.UpdateStats([&](ParticipantStats& stats) {
-      ++stats.num_keyframes;
-      ++stats.num_rejected;
-      stats.last_error = status.ToString();
-    });
-    return;
-  }
-  const KeyframeTotals totals = KeyframeTotals::Of(keyframe);
-  impl_->progress.UpdateStats([&](ParticipantStats& stats) { stats.full += totals; });
-  impl_->progress.AddKeyframe(std::move(keyframe));
-}
+void Participant::OnKeyframe(Keyframe keyframe) { impl_->present()->OnKeyframe(std::move(keyframe)); }
 
 void Participant::OnSharedMapFrame(const SharedMapFrame& frame,
                                    const std::function<std::optional<Keyframe>()>& last_keyframe) {
-  if (!impl_->progress.BeginFailure(frame)) return;
-  std::optional<Keyframe> keyframe = last_keyframe();
-  if (keyframe) keyframe->session = impl_->session.id;
-  if (keyframe && !Validate(*keyframe, impl_->camera).ok()) keyframe.reset();
-  impl_->progress.AddFailure(frame, std::move(keyframe));
+  impl_->present()->OnSharedMapFrame(frame, last_keyframe);
 }
 
-ParticipantState Participant::state() const { return impl_->progress.state(); }
-std::optional<Pose3> Participant::T_map_session() const { return impl_->progress.T_map_session(); }
-SessionId Participant::session() const { return impl_->session.id; }
+void Participant::BeginFragment() {
+  StatusOr<std::unique_ptr<MapClient>> client = MapClient::Create(impl_->setup.client);
+  MAPP_CHECK(client.ok());  // the options have served before
+  auto next = std::make_shared<FragmentSession>(*std::move(client), impl_->setup, impl_->adapter, kMinKeyframesToOpen);
+  const std::vector<std::shared_ptr<FragmentSession>> sessions = impl_->Followed();
+  sessions.back()->EndFragment();
+  if (sessions.size() == kMaxFollowed) sessions.front()->Stop();
+  impl_->Push(next);
+  next->OpenInBackground();
+}
+
+ParticipantState Participant::state() const { return impl_->present()->state(); }
+std::optional<Pose3> Participant::T_map_session() const { return impl_->present()->T_map_session(); }
+std::optional<SessionId> Participant::session() const { return impl_->present()->session(); }
+
+std::vector<ParticipantFragment> Participant::fragments() const {
+  MutexLock lock(impl_->mutex);
+  std::vector<ParticipantFragment> fragments = impl_->forgotten;
+  for (const auto& session : impl_->followed) fragments.push_back(session->Describe());
+  return fragments;
+}
 
 Status Participant::WaitIdle(std::chrono::milliseconds timeout) {
-  return impl_->progress.Wait(steady_clock::now() + timeout, /*compared=*/true);
+  const auto deadline = steady_clock::now() + timeout;
+  const std::vector<std::shared_ptr<FragmentSession>> sessions = impl_->Followed();
+  for (size_t i = 0; i + 1 < sessions.size(); ++i) {
+    MAPP_RETURN_IF_ERROR(sessions[i]->WaitEnded(deadline));
+  }
+  return sessions.back()->WaitIdle(deadline);
 }
 
 Status Participant::Close(std::chrono::milliseconds timeout, bool wait_for_optimization) {
-  if (state() == ParticipantState::kClosed) return absl::OkStatus();
   const auto deadline = steady_clock::now() + timeout;
-  impl_->progress.CloseIntake();
-  MAPP_RETURN_IF_ERROR(impl_->progress.Wait(deadline, /*compared=*/false));
-  const auto closed = impl_->client->CloseSession(impl_->session.id);
-  MAPP_RETURN_IF_ERROR(closed.status());
-  impl_->progress.SetClosed();
-  const bool optimization_pending = closed->second;
-  if (!wait_for_optimization || !optimization_pending) return absl::OkStatus();
-  return impl_->WaitForOptimization(deadline);
-}
-
-Status Participant::Impl::WaitForOptimization(steady_clock::time_point deadline) {
-  while (true) {
-    switch (progress.WaitForOptimization(deadline)) {
-      case SessionProgress::OptimizationWait::kEnded:
-        return absl::OkStatus();
-      case SessionProgress::OptimizationWait::kTimedOut:
-        return absl::DeadlineExceededError("the optimisation after the session has not ended yet");
-      case SessionProgress::OptimizationWait::kWatchRestarted: {
-        // The server was away: closing once more tells whether the optimisation is still owed.
-        const auto closed = client->CloseSession(session.id);
-        MAPP_RETURN_IF_ERROR(closed.status());
-        if (!closed->second) return absl::OkStatus();
-      }
-    }
+  {
+    MutexLock lock(impl_->mutex);
+    impl_->closing = true;
   }
+  const std::vector<std::shared_ptr<FragmentSession>> sessions = impl_->Followed();
+  sessions.back()->BeginClose();
+  Status first_error;
+  for (const auto& session : sessions) {
+    const Status closed = session->Close(deadline, wait_for_optimization);
+    if (first_error.ok()) first_error = closed;
+  }
+  return first_error;
 }
 
 ParticipantStats Participant::stats() const {
-  ParticipantStats stats = impl_->progress.stats();
-  stats.traffic = impl_->client->traffic();
-  return stats;
+  MutexLock lock(impl_->mutex);
+  SessionFigures figures = impl_->forgotten_figures;
+  for (const auto& session : impl_->followed) figures += session->figures();
+  return figures.Summary();
 }
 
 }  // namespace mapp

@@ -6,19 +6,29 @@
 #include <utility>
 
 namespace mapp {
+namespace {
+
+constexpr const char* kNotAcknowledged = "the server has not acknowledged the end of the session yet";
+
+}  // namespace
 
 void SessionProgress::AddKeyframe(Keyframe keyframe) {
   MutexLock lock(mutex_);
-  ++stats_.num_keyframes;
-  if (intake_closed_) {
-    ++stats_.num_dropped;
+  ParticipantStats& stats = figures_.counts;
+  ++stats.num_keyframes;
+  if (!outcome_.ok()) {
+    ++stats.num_rejected;
+    return;
+  }
+  if (closing_) {
+    ++stats.num_dropped;
     return;
   }
   keyframe.number += num_evidence_;
   next_number_ = std::max(next_number_, keyframe.number + 1);
   if (queue_.size() >= max_queued_) {
     queue_.pop_front();
-    ++stats_.num_dropped;
+    ++stats.num_dropped;
   }
   queue_.push_back({.keyframe = std::move(keyframe), .localized_on_map = localized_on_map_, .is_evidence = false});
   changed_.NotifyAll();
@@ -26,7 +36,7 @@ void SessionProgress::AddKeyframe(Keyframe keyframe) {
 
 bool SessionProgress::BeginFailure(const SharedMapFrame& frame) {
   MutexLock lock(mutex_);
-  if (state_ != ParticipantState::kSharing || frame.shared_map_number != shared_map_number_) return false;
+  if (closing_ || state_ != ParticipantState::kSharing || frame.shared_map_number != shared_map_number_) return false;
   if (frame.localized) {
     num_maps_tried_ = 0;
     localized_on_map_ = true;
@@ -34,7 +44,7 @@ bool SessionProgress::BeginFailure(const SharedMapFrame& frame) {
   }
   if (failure_in_hand_) return false;
   failure_in_hand_ = true;
-  if (num_maps_tried_ == 0) ++stats_.num_sharing_failures;
+  if (num_maps_tried_ == 0) ++figures_.counts.num_sharing_failures;
   return true;
 }
 
@@ -44,36 +54,59 @@ void SessionProgress::AddFailure(const SharedMapFrame& frame, std::optional<Keyf
   changed_.NotifyAll();
 }
 
-void SessionProgress::CloseIntake() {
+void SessionProgress::BeginClose() {
   MutexLock lock(mutex_);
-  intake_closed_ = true;
+  closing_ = true;
+  just_aligned_ = false;  // no map is needed any more
+  changed_.NotifyAll();
 }
 
-std::string SessionProgress::Missing(bool compared) const {
+std::string SessionProgress::Missing() const {
+  if (!session_ && !closing_ && queue_.size() < min_to_open_) return "";
+  if (close_in_hand_) return kNotAcknowledged;
   if (!queue_.empty() || busy_) return fmt::format("{} keyframes are not sent yet", queue_.size() + (busy_ ? 1 : 0));
   if (just_aligned_) return "the map around the aligned keyframe is not asked for yet";
   if (failure_in_hand_) return "a failure on the shared map is not resolved yet";
-  if (!compared || T_map_session_ || !last_unaligned_upload_) return "";
+  if (T_map_session_ || !last_unaligned_upload_) return "";
   if (last_compared_ && *last_compared_ >= *last_unaligned_upload_) return "";
   return fmt::format("the server has not compared keyframe {} with the map yet", *last_unaligned_upload_);
 }
 
-Status SessionProgress::Wait(std::chrono::steady_clock::time_point deadline, bool compared) {
+Status SessionProgress::WaitIdle(std::chrono::steady_clock::time_point deadline) {
   MutexLock lock(mutex_);
   while (true) {
     if (stopped_) return absl::CancelledError("the participant was shut down");
-    const std::string missing = Missing(compared);
+    const std::string missing = Missing();
     if (missing.empty()) return absl::OkStatus();
     if (!changed_.WaitUntil(mutex_, deadline) && std::chrono::steady_clock::now() >= deadline) {
-      const std::string still_missing = Missing(compared);
+      const std::string still_missing = Missing();
       return still_missing.empty() ? absl::OkStatus() : absl::DeadlineExceededError(still_missing);
     }
+  }
+}
+
+Status SessionProgress::WaitClosed(std::chrono::steady_clock::time_point deadline) {
+  MutexLock lock(mutex_);
+  const int num_failures_before = num_close_failures_;
+  bool in_time = true;
+  while (true) {
+    if (state_ == ParticipantState::kClosed) return outcome_;
+    if (stopped_) return absl::CancelledError("the participant was shut down");
+    if (num_close_failures_ > num_failures_before) return close_failure_;
+    if (!in_time) {
+      const bool all_sent = queue_.empty() && !failure_in_hand_ && (!busy_ || close_in_hand_);
+      if (!all_sent) return absl::DeadlineExceededError(Missing());
+      const std::string why = close_failure_.ok() ? "" : ": " + close_failure_.ToString();
+      return absl::DeadlineExceededError(kNotAcknowledged + why);
+    }
+    in_time = changed_.WaitUntil(mutex_, deadline) || std::chrono::steady_clock::now() < deadline;
   }
 }
 
 Status SessionProgress::WaitForWatch(std::chrono::steady_clock::time_point deadline) {
   MutexLock lock(mutex_);
   while (num_watch_starts_ == 0) {
+    if (stopped_) return absl::CancelledError("the participant was shut down");
     if (!changed_.WaitUntil(mutex_, deadline) && std::chrono::steady_clock::now() >= deadline) {
       return absl::DeadlineExceededError("the server did not begin to tell of the session's events");
     }
@@ -82,14 +115,49 @@ Status SessionProgress::WaitForWatch(std::chrono::steady_clock::time_point deadl
   return absl::OkStatus();
 }
 
+bool SessionProgress::WaitUntilWorthOpening() {
+  MutexLock lock(mutex_);
+  while (!stopped_ && !closing_ && queue_.size() < min_to_open_) changed_.Wait(mutex_);
+  if (stopped_) return false;
+  if (!queue_.empty() && queue_.size() >= min_to_open_) return true;
+  figures_.counts.num_skipped += queue_.size();
+  queue_.clear();
+  End(absl::OkStatus());
+  return false;
+}
+
+void SessionProgress::OnOpened(SessionId session) {
+  MutexLock lock(mutex_);
+  session_ = session;
+}
+
+void SessionProgress::OnOpeningRefused(const Status& why) {
+  MutexLock lock(mutex_);
+  figures_.counts.num_rejected += queue_.size();
+  queue_.clear();
+  End(why);
+}
+
+void SessionProgress::End(const Status& outcome) {
+  outcome_ = outcome;
+  state_ = ParticipantState::kClosed;
+  close_in_hand_ = false;
+  changed_.NotifyAll();
+}
+
 std::optional<Job> SessionProgress::NextJob() {
   MutexLock lock(mutex_);
-  while (!stopped_ && !failure_ && queue_.empty() && !just_aligned_) changed_.Wait(mutex_);
-  if (stopped_) return std::nullopt;
+  const auto may_close = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return closing_ && !failure_in_hand_; };
+  while (!stopped_ && !failure_ && queue_.empty() && !just_aligned_ && !may_close()) changed_.Wait(mutex_);
+  if (stopped_ || state_ == ParticipantState::kClosed) return std::nullopt;
   busy_ = true;
   if (failure_) return *std::exchange(failure_, std::nullopt);
   // A keyframe that waits is newer than the uploaded one, and asks by itself.
   if (std::exchange(just_aligned_, false) && queue_.empty()) return AlignedJob{};
+  if (queue_.empty()) {
+    close_in_hand_ = true;
+    return CloseJob{};
+  }
   KeyframeJob job = std::move(queue_.front());
   queue_.pop_front();
   return job;
@@ -110,23 +178,24 @@ void SessionProgress::AddEvidence(Keyframe keyframe, bool localized_on_map) {
 
 void SessionProgress::OnUploaded(uint32_t number, const ClientUpload& upload) {
   MutexLock lock(mutex_);
-  ++stats_.num_uploaded;
+  ++figures_.counts.num_uploaded;
   if (upload.T_map_session) {
     Align(*upload.T_map_session, number);
   } else if (!upload.already_stored) {
     // What was stored before a restart may have been compared before it, too: nobody would tell us again.
     last_unaligned_upload_ = number;
-    if (T_map_session_) just_aligned_ = true;  // the event has overtaken the upload's answer
+    if (T_map_session_) just_aligned_ = !closing_;  // the event has overtaken the upload's answer
   }
   changed_.NotifyAll();
 }
 
 void SessionProgress::Align(const Pose3& T_map_session, uint32_t keyframe) {
   T_map_session_ = T_map_session;
-  if (!stats_.aligned_at_keyframe) stats_.aligned_at_keyframe = keyframe;
+  std::optional<uint32_t>& aligned_at = figures_.counts.aligned_at_keyframe;
+  if (!aligned_at) aligned_at = keyframe;
   if (state_ != ParticipantState::kRegistering) return;
   state_ = ParticipantState::kExpanding;
-  just_aligned_ = last_unaligned_upload_.has_value();
+  just_aligned_ = last_unaligned_upload_.has_value() && !closing_;
 }
 
 void SessionProgress::OnSharedMap(uint32_t number) {
@@ -156,15 +225,13 @@ std::map<TileKey, Revision> SessionProgress::TakeChangedTiles() {
 
 void SessionProgress::UpdateStats(const std::function<void(ParticipantStats&)>& change) {
   MutexLock lock(mutex_);
-  change(stats_);
+  change(figures_.counts);
 }
 
 void SessionProgress::RecordLatency(Step step, std::chrono::nanoseconds duration) {
   MutexLock lock(mutex_);
-  latency_.at(static_cast<size_t>(step)).Add(duration);
+  figures_.Of(step).Add(duration);
 }
-
-LatencySummary SessionProgress::Summary(Step step) const { return latency_.at(static_cast<size_t>(step)).Summary(); }
 
 struct SessionProgress::EventVisitor {
   SessionProgress& progress;
@@ -173,7 +240,7 @@ struct SessionProgress::EventVisitor {
     progress.last_compared_ = std::max(progress.last_compared_.value_or(0), event.keyframe);
   }
   void operator()(const AlignedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
-    progress.stats_.aligned_at_keyframe = event.keyframe;
+    progress.figures_.counts.aligned_at_keyframe = event.keyframe;
     progress.Align(event.T_map_session, event.keyframe);
   }
   void operator()(const CorrectedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
@@ -202,22 +269,37 @@ void SessionProgress::OnEvent(const ClientEvent& event) {
 
 SessionProgress::OptimizationWait SessionProgress::WaitForOptimization(std::chrono::steady_clock::time_point deadline) {
   MutexLock lock(mutex_);
-  while (!optimized_ && num_watch_starts_ == num_watch_starts_seen_) {
+  while (optimization_pending_ && !optimized_ && num_watch_starts_ == num_watch_starts_seen_) {
     if (!changed_.WaitUntil(mutex_, deadline) && std::chrono::steady_clock::now() >= deadline) {
       return OptimizationWait::kTimedOut;
     }
   }
   num_watch_starts_seen_ = num_watch_starts_;
-  return optimized_ ? OptimizationWait::kEnded : OptimizationWait::kWatchRestarted;
+  return optimized_ || !optimization_pending_ ? OptimizationWait::kEnded : OptimizationWait::kWatchRestarted;
 }
 
-void SessionProgress::SetClosed() {
+void SessionProgress::OnCloseFailed(const Status& why) {
   MutexLock lock(mutex_);
-  state_ = ParticipantState::kClosed;
+  ++num_close_failures_;
+  close_failure_ = why;
+  changed_.NotifyAll();
+}
+
+void SessionProgress::OnClosed(bool optimization_pending) {
+  MutexLock lock(mutex_);
+  optimization_pending_ = optimization_pending;
+  End(absl::OkStatus());
+}
+
+void SessionProgress::OnCloseRefused(const Status& why) {
+  MutexLock lock(mutex_);
+  End(why);
 }
 
 void SessionProgress::Stop() {
   MutexLock lock(mutex_);
+  figures_.counts.num_dropped += queue_.size();
+  queue_.clear();
   stopped_ = true;
   changed_.NotifyAll();
 }
@@ -232,15 +314,19 @@ std::optional<Pose3> SessionProgress::T_map_session() const {
   return T_map_session_;
 }
 
-ParticipantStats SessionProgress::stats() const {
+bool SessionProgress::closing() const {
   MutexLock lock(mutex_);
-  ParticipantStats stats = stats_;
-  stats.latency = {.overlap_assessment = Summary(Step::kOverlapAssessment),
-                   .redundancy_control = Summary(Step::kRedundancyControl),
-                   .keyframe_upload = Summary(Step::kKeyframeUpload),
-                   .shared_map = Summary(Step::kSharedMap),
-                   .update_report = Summary(Step::kUpdateReport)};
-  return stats;
+  return closing_;
+}
+
+std::optional<SessionId> SessionProgress::session() const {
+  MutexLock lock(mutex_);
+  return session_;
+}
+
+SessionFigures SessionProgress::figures() const {
+  MutexLock lock(mutex_);
+  return figures_;
 }
 
 }  // namespace mapp

@@ -1,10 +1,10 @@
 #pragma once
 
-#include "mapp/base/latency.h"
 #include "mapp/base/mutex.h"
 #include "mapp/client/participant.h"
+#include "session_figures.h"
 
-#include <array>
+#include <algorithm>
 #include <chrono>
 #include <deque>
 #include <functional>
@@ -30,32 +30,42 @@ struct FailureJob {
 };
 /// A fragment was just aligned and no keyframe waits: what was uploaded last may lie where the map is known.
 struct AlignedJob {};
-using Job = std::variant<KeyframeJob, FailureJob, AlignedJob>;
-
-/// What a participant's work consists of, for ParticipantLatency.
-enum class Step { kOverlapAssessment, kRedundancyControl, kKeyframeUpload, kSharedMap, kUpdateReport };
+/// Nothing else is left and nothing more will come.
+struct CloseJob {};
+using Job = std::variant<KeyframeJob, FailureJob, AlignedJob, CloseJob>;
 
 /// Where a session stands: the queue and the state that the app's thread, the network thread and the watch
 /// thread share. Knows nothing of the network. Thread-safe.
 class SessionProgress {
  public:
-  explicit SessionProgress(size_t max_queued) : max_queued_(max_queued) {}
+  /// `min_to_open`: keyframes that must wait before the session is worth opening; 0 for one that is opened at once.
+  SessionProgress(size_t max_queued, size_t min_to_open)
+      : max_queued_(max_queued), min_to_open_(std::min(min_to_open, max_queued)) {}
 
   // From the app.
   void AddKeyframe(Keyframe keyframe);
   /// True when the frame failed on the present shared map and no other failure is in hand: AddFailure must follow.
   bool BeginFailure(const SharedMapFrame& frame);
   void AddFailure(const SharedMapFrame& frame, std::optional<Keyframe> keyframe);
-  /// Keyframes added from now on are dropped.
-  void CloseIntake();
-  /// Until nothing is queued or under way and no failure is in hand; with `compared` also until the server has compared
-  /// the last unaligned upload with the map. DEADLINE_EXCEEDED naming what is missing.
-  Status Wait(std::chrono::steady_clock::time_point deadline, bool compared);
+  /// Keyframes added from now on are dropped, no map is asked for any more, and a CloseJob follows what is queued.
+  void BeginClose();
+  /// Until nothing is queued or under way, no failure is in hand, and the server has compared the last unaligned upload
+  /// with the map. DEADLINE_EXCEEDED naming what is missing.
+  Status WaitIdle(std::chrono::steady_clock::time_point deadline);
+  /// Until the session is closed: OK, or why it could not be opened or closed. An attempt to close that fails from now
+  /// on gives its error, though others follow.
+  Status WaitClosed(std::chrono::steady_clock::time_point deadline);
   /// Until the stream of events stands for the first time.
   Status WaitForWatch(std::chrono::steady_clock::time_point deadline);
 
   // From the network thread.
-  /// Blocks; nullopt after Stop(). Failures come before keyframes, these before AlignedJob. JobDone() must follow.
+  /// Blocks until the session is worth opening. False when it will never be: stopped, or closed before.
+  bool WaitUntilWorthOpening();
+  void OnOpened(SessionId session);
+  /// The server will not have the session: what is queued and what comes is refused.
+  void OnOpeningRefused(const Status& why);
+  /// Blocks; nullopt after Stop() and once the session is closed. Failures come before keyframes, these before
+  /// AlignedJob, CloseJob is the last. JobDone() must follow.
   std::optional<Job> NextJob();
   void JobDone();
   /// Puts a keyframe of a failed frame at the queue's head, numbered after all keyframes so far.
@@ -65,42 +75,51 @@ class SessionProgress {
   void OnLeftSharedMap();
   /// Tiles that the server has changed since the last call, and the revisions that did it.
   std::map<TileKey, Revision> TakeChangedTiles();
+  void OnCloseFailed(const Status& why);  ///< another attempt follows
+  void OnClosed(bool optimization_pending);
+  void OnCloseRefused(const Status& why);
   void UpdateStats(const std::function<void(ParticipantStats&)>& change);
   void RecordLatency(Step step, std::chrono::nanoseconds duration);
 
   // From the watch thread.
   void OnEvent(const ClientEvent& event);
 
-  // Closing.
+  // Ending.
   enum class OptimizationWait { kEnded, kWatchRestarted, kTimedOut };
-  /// Until the optimisation has ended, or the stream that tells of it was restarted and its end may have been missed.
+  /// Until no optimisation is owed, or the stream that tells of it was restarted and its end may have been missed.
   OptimizationWait WaitForOptimization(std::chrono::steady_clock::time_point deadline);
-  void SetClosed();
-  void Stop();  ///< ends NextJob and all waits
+  void Stop();  ///< ends NextJob and all waits; what is queued is dropped
 
   ParticipantState state() const;
+  bool closing() const;  ///< or closed
+  std::optional<SessionId> session() const;
   std::optional<Pose3> T_map_session() const;
-  ParticipantStats stats() const;
+  SessionFigures figures() const;
 
  private:
   struct EventVisitor;
 
   void Align(const Pose3& T_map_session, uint32_t keyframe) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
-  LatencySummary Summary(Step step) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void End(const Status& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Empty when nothing is left to do.
-  std::string Missing(bool compared) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  std::string Missing() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
 
   const size_t max_queued_;
+  const size_t min_to_open_;
   mutable Mutex mutex_;
   CondVar changed_;
   ParticipantState state_ ABSL_GUARDED_BY(mutex_) = ParticipantState::kRegistering;
   std::optional<Pose3> T_map_session_ ABSL_GUARDED_BY(mutex_);
-  ParticipantStats stats_ ABSL_GUARDED_BY(mutex_);                  // but for its latencies
-  std::array<LatencyRecorder, 5> latency_ ABSL_GUARDED_BY(mutex_);  // by Step
+  std::optional<SessionId> session_ ABSL_GUARDED_BY(mutex_);
+  SessionFigures figures_ ABSL_GUARDED_BY(mutex_);
 
   std::deque<KeyframeJob> queue_ ABSL_GUARDED_BY(mutex_);
   bool busy_ ABSL_GUARDED_BY(mutex_) = false;
-  bool intake_closed_ ABSL_GUARDED_BY(mutex_) = false;
+  bool closing_ ABSL_GUARDED_BY(mutex_) = false;
+  bool close_in_hand_ ABSL_GUARDED_BY(mutex_) = false;  // CloseJob is under way
+  int num_close_failures_ ABSL_GUARDED_BY(mutex_) = 0;
+  Status close_failure_ ABSL_GUARDED_BY(mutex_);
+  Status outcome_ ABSL_GUARDED_BY(mutex_);  // once closed
   bool stopped_ ABSL_GUARDED_BY(mutex_) = false;
   uint32_t next_number_ ABSL_GUARDED_BY(mutex_) = 0;   // on the wire
   uint32_t num_evidence_ ABSL_GUARDED_BY(mutex_) = 0;  // what wire numbers are ahead of the adapter's
@@ -121,6 +140,7 @@ class SessionProgress {
   int num_watch_starts_ ABSL_GUARDED_BY(mutex_) = 0;
   int num_watch_starts_seen_ ABSL_GUARDED_BY(mutex_) = 0;  // by WaitForWatch and WaitForOptimization
   bool optimized_ ABSL_GUARDED_BY(mutex_) = false;
+  bool optimization_pending_ ABSL_GUARDED_BY(mutex_) = false;  // as the server said when it closed the session
 };
 
 }  // namespace mapp

@@ -18,8 +18,14 @@ TEST(FrameLogTest, ReadsBackWhatItWrote) {
       {1'403'636'579'763'555'584, Pose3(rotation, {1.5, -2.25, 100.125}), true, FrameRole::kSharedKeyframe});
   log.frames.push_back({1'403'636'579'813'555'456, Pose3(), false, FrameRole::kKeyframe});
 
-  const StatusOr<FrameLog> read = ParseFrameLog("frames.csv", FormatFrameLog(log));
-  ASSERT_TRUE(read.ok()) << read.status();
+  const FrameLog other{43, {log.frames[1]}};
+  const StatusOr<std::vector<FrameLog>> all = ParseFrameLogs("frames.csv", FormatFrameLogs({log, other}));
+  ASSERT_TRUE(all.ok()) << all.status();
+  ASSERT_EQ(all->size(), 2);
+  EXPECT_EQ(all->at(1).session_id, 43);
+  ASSERT_EQ(all->at(1).frames.size(), 1);
+  EXPECT_EQ(all->at(1).frames[0].role, FrameRole::kKeyframe);
+  const FrameLog* read = &all->front();
   EXPECT_EQ(read->session_id, 42);
   ASSERT_EQ(read->frames.size(), 2);
   EXPECT_EQ(read->frames[0].stamp_ns, log.frames[0].stamp_ns);
@@ -39,7 +45,7 @@ struct BadLog {
 class FrameLogErrorTest : public testing::TestWithParam<BadLog> {};
 
 TEST_P(FrameLogErrorTest, NamesFileAndLine) {
-  const StatusOr<FrameLog> read = ParseFrameLog("f.csv", GetParam().text);
+  const StatusOr<std::vector<FrameLog>> read = ParseFrameLogs("f.csv", GetParam().text);
   ASSERT_EQ(read.status().code(), absl::StatusCode::kInvalidArgument);
   EXPECT_THAT(std::string(read.status().message()), StartsWith(GetParam().where));
 }
@@ -52,7 +58,8 @@ INSTANTIATE_TEST_SUITE_P(
                     BadLog{"NotARotation", std::string(kHeader) + "1,0,0,0,2,0,0,0,0,keyframe\n", "f.csv:3:"},
                     BadLog{"NotANumber", std::string(kHeader) + "1,nan,0,0,1,0,0,0,0,keyframe\n", "f.csv:3:"},
                     BadLog{"UnknownRole", std::string(kHeader) + "1,0,0,0,1,0,0,0,0,king\n", "f.csv:3:"},
-                    BadLog{"SecondFrame", std::string(kHeader) + "1,0,0,0,1,0,0,0,0,keyframe\nx\n", "f.csv:4:"}),
+                    BadLog{"SecondFrame", std::string(kHeader) + "1,0,0,0,1,0,0,0,0,keyframe\nx\n", "f.csv:4:"},
+                    BadLog{"SecondLog", std::string(kHeader) + "# session 4\nx\n", "f.csv:4:"}),
     [](const auto& suite_info) { return suite_info.param.name; });
 
 }  // namespace

@@ -59,11 +59,12 @@ void FakeMapService::Stop() {
 void FakeMapService::Change(const std::function<void(Script&)>& change) {
   MutexLock lock(mutex_);
   change(script_);
+  changed_.NotifyAll();
 }
 
-void FakeMapService::Send(const v1::WatchSessionResponse& event) {
+void FakeMapService::Send(const v1::WatchSessionResponse& event, uint32_t session) {
   MutexLock lock(mutex_);
-  events_.push_back(event);
+  events_[session].push_back(event);
   changed_.NotifyAll();
 }
 
@@ -93,6 +94,14 @@ int FakeMapService::num_upload_attempts() const {
   MutexLock lock(mutex_);
   return num_upload_attempts_;
 }
+int FakeMapService::num_open_attempts() const {
+  MutexLock lock(mutex_);
+  return num_open_attempts_;
+}
+std::vector<uint32_t> FakeMapService::closed_sessions() const {
+  MutexLock lock(mutex_);
+  return closed_sessions_;
+}
 int FakeMapService::num_closes() const {
   MutexLock lock(mutex_);
   return num_closes_;
@@ -104,7 +113,10 @@ int FakeMapService::num_watches() const {
 
 grpc::Status FakeMapService::OpenSession(grpc::ServerContext*, const v1::OpenSessionRequest*,
                                          v1::OpenSessionResponse* response) {
-  response->set_session_id(kSession);
+  MutexLock lock(mutex_);
+  ++num_open_attempts_;
+  if (const grpc::Status status = Next(script_.open_errors); !status.ok()) return status;
+  response->set_session_id(next_session_++);
   response->set_map_id(1);
   response->set_cone_range_m(20);
   response->set_tile_edge_m(kDefaultTileEdgeM);
@@ -131,7 +143,9 @@ grpc::Status FakeMapService::UploadPartialKeyframe(grpc::ServerContext*,
   if (const grpc::Status status = Next(script_.upload_errors); !status.ok()) return status;
   const StatusOr<Keyframe> keyframe = DecodeKeyframe(request->keyframe());
   if (!keyframe.ok()) return {grpc::StatusCode::INVALID_ARGUMENT, "keyframe: does not decode"};
-  const auto same = [&](const Keyframe& stored) { return stored.number == keyframe->number; };
+  const auto same = [&](const Keyframe& stored) {
+    return stored.session == keyframe->session && stored.number == keyframe->number;
+  };
   response->set_already_stored(std::any_of(uploads_.begin(), uploads_.end(), same));
   if (!response->already_stored()) uploads_.push_back(*keyframe);
   if (script_.T_map_session) *response->mutable_pose_map_session() = ToProto(*script_.T_map_session);
@@ -145,6 +159,7 @@ grpc::Status FakeMapService::RequestSharedMap(grpc::ServerContext*, const v1::Re
   {
     MutexLock lock(mutex_);
     shared_map_requests_.push_back(*request);
+    while (script_.hold_shared_maps && !stopping_) changed_.Wait(mutex_);
     if (const grpc::Status status = Next(script_.shared_map_errors); !status.ok()) return status;
     if (!script_.is_own_map) tiles = script_.tiles;
     is_own_map = script_.is_own_map;
@@ -181,16 +196,19 @@ grpc::Status FakeMapService::ReportUpdate(grpc::ServerContext*, const v1::Report
   return grpc::Status::OK;
 }
 
-grpc::Status FakeMapService::CloseSession(grpc::ServerContext*, const v1::CloseSessionRequest*,
+grpc::Status FakeMapService::CloseSession(grpc::ServerContext*, const v1::CloseSessionRequest* request,
                                           v1::CloseSessionResponse* response) {
   MutexLock lock(mutex_);
   ++num_closes_;
+  if (const grpc::Status status = Next(script_.close_errors); !status.ok()) return status;
+  const uint32_t session = request->session_id();
+  if (std::ranges::count(closed_sessions_, session) == 0) closed_sessions_.push_back(session);
   response->set_num_keyframes(uploads_.size());
   response->set_optimization_pending(script_.optimization_pending);
   return grpc::Status::OK;
 }
 
-grpc::Status FakeMapService::WatchSession(grpc::ServerContext* context, const v1::WatchSessionRequest*,
+grpc::Status FakeMapService::WatchSession(grpc::ServerContext* context, const v1::WatchSessionRequest* request,
                                           grpc::ServerWriter<v1::WatchSessionResponse>* writer) {
   {
     MutexLock lock(mutex_);
@@ -201,13 +219,14 @@ grpc::Status FakeMapService::WatchSession(grpc::ServerContext* context, const v1
   writer->Write(started);
   mutex_.Lock();
   while (!stopping_ && watches_to_break_ == 0 && !context->IsCancelled()) {
-    if (events_.empty()) {
+    std::deque<v1::WatchSessionResponse>& events = events_[request->session_id()];
+    if (events.empty()) {
       // A cancelled call notifies nobody: look again now and then.
       changed_.WaitUntil(mutex_, std::chrono::steady_clock::now() + std::chrono::milliseconds(20));
       continue;
     }
-    const v1::WatchSessionResponse event = events_.front();
-    events_.pop_front();
+    const v1::WatchSessionResponse event = events.front();
+    events.pop_front();
     mutex_.Unlock();
     writer->Write(event);
     mutex_.Lock();

@@ -9,6 +9,7 @@
 
 #include <deque>
 #include <functional>
+#include <map>
 #include <memory>
 #include <string>
 #include <vector>
@@ -29,20 +30,23 @@ class FakeMapService final : public v1::MapService::Service {
     v1::UpdateVerdict verdict = v1::UPDATE_VERDICT_NONE;
     bool optimization_pending = false;
     /// Statuses of the next calls of a method, in order; without one left the call succeeds.
+    std::deque<grpc::StatusCode> open_errors;
+    std::deque<grpc::StatusCode> close_errors;
     std::deque<grpc::StatusCode> upload_errors;
     std::deque<grpc::StatusCode> query_errors;
     std::deque<grpc::StatusCode> shared_map_errors;
+    bool hold_shared_maps = false;  ///< requests for them wait until this is false again
   };
 
-  static constexpr uint32_t kSession = 7;
+  static constexpr uint32_t kSession = 7;  ///< the first that is opened; those that follow count on
 
   FakeMapService();
   ~FakeMapService() override;
 
   std::string address() const;
   void Change(const std::function<void(Script&)>& change);
-  /// To the session's watcher, now or once it listens.
-  void Send(const v1::WatchSessionResponse& event);
+  /// To a session's watcher, now or once it listens.
+  void Send(const v1::WatchSessionResponse& event, uint32_t session = kSession);
   /// Ends the watcher's stream; it may come back.
   void BreakWatch();
   /// Stops answering, as a killed server does.
@@ -53,7 +57,9 @@ class FakeMapService final : public v1::MapService::Service {
   std::vector<v1::RequestSharedMapRequest> shared_map_requests() const;
   std::vector<Keyframe> reported() const;
   int num_upload_attempts() const;
+  int num_open_attempts() const;
   int num_closes() const;
+  std::vector<uint32_t> closed_sessions() const;  ///< in order, each once
   int num_watches() const;
 
   grpc::Status OpenSession(grpc::ServerContext* context, const v1::OpenSessionRequest* request,
@@ -79,7 +85,10 @@ class FakeMapService final : public v1::MapService::Service {
   std::vector<v1::AssessOverlapRequest> queries_ ABSL_GUARDED_BY(mutex_);
   std::vector<v1::RequestSharedMapRequest> shared_map_requests_ ABSL_GUARDED_BY(mutex_);
   std::vector<Keyframe> reported_ ABSL_GUARDED_BY(mutex_);
-  std::deque<v1::WatchSessionResponse> events_ ABSL_GUARDED_BY(mutex_);
+  std::map<uint32_t, std::deque<v1::WatchSessionResponse>> events_ ABSL_GUARDED_BY(mutex_);  // by session
+  std::vector<uint32_t> closed_sessions_ ABSL_GUARDED_BY(mutex_);
+  uint32_t next_session_ ABSL_GUARDED_BY(mutex_) = kSession;
+  int num_open_attempts_ ABSL_GUARDED_BY(mutex_) = 0;
   int num_upload_attempts_ ABSL_GUARDED_BY(mutex_) = 0;
   int num_closes_ ABSL_GUARDED_BY(mutex_) = 0;
   int num_watches_ ABSL_GUARDED_BY(mutex_) = 0;

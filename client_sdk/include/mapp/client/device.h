@@ -5,6 +5,7 @@
 
 #include <memory>
 #include <optional>
+#include <vector>
 
 namespace mapp {
 
@@ -13,7 +14,17 @@ struct DevicePose {
   std::optional<Pose3> T_map_camera;  ///< once the session is aligned and the frame is tracked
 };
 
-/// The built-in tracker joined to a participant: what most apps use. Track() belongs to one thread.
+/// One fragment of a device's way: what it tracked without being lost for long.
+struct DeviceFragment {
+  ParticipantFragment session;
+  std::vector<TrajectoryPose> trajectory;  ///< in the fragment's own frame `session`, unrelated to the others'
+};
+/// The frames of all aligned fragments, in order, as T_map_camera; nullopt where no fragment is aligned.
+std::optional<std::vector<TrajectoryPose>> TrajectoryInMap(const std::vector<DeviceFragment>& fragments);
+
+/// The built-in tracker joined to a participant: what most apps use. Where the tracker begins a new fragment, the
+/// device takes part with a session of its own for it, and tracking goes on meanwhile; the fragment has no pose in the
+/// map until the server has found its place. Track() belongs to one thread.
 class Device {
  public:
   static StatusOr<std::unique_ptr<Device>> Open(std::unique_ptr<OrbTracker> tracker,
@@ -26,8 +37,10 @@ class Device {
   Status WaitIdle(std::chrono::milliseconds timeout);
   Status Close(std::chrono::milliseconds timeout, bool wait_for_optimization);
 
-  /// Frames tracked so far in the map's frame; nullopt while the session is not aligned.
-  std::optional<std::vector<TrajectoryPose>> TrajectoryInMap() const;
+  /// All fragments so far, the present one last.
+  std::vector<DeviceFragment> fragments() const;
+  /// Frames tracked so far in the map's frame, those of aligned fragments; nullopt while there is none.
+  std::optional<std::vector<TrajectoryPose>> TrajectoryInMap() const { return mapp::TrajectoryInMap(fragments()); }
   const OrbTracker& tracker() const;
   const Participant& participant() const;
   /// Frames of TrackingResult::would_be_keyframe, as upload_all would have sent them.

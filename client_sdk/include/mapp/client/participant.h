@@ -10,9 +10,11 @@
 
 #include <chrono>
 #include <cstdint>
+#include <functional>
 #include <memory>
 #include <optional>
 #include <string>
+#include <vector>
 
 namespace mapp {
 
@@ -71,11 +73,12 @@ struct ParticipantStats {
   uint64_t num_keyframes = 0;  ///< handed in
   uint64_t num_uploaded = 0;   ///< acknowledged by the server
   uint64_t num_dropped = 0;    ///< for want of room in the queue
-  uint64_t num_skipped = 0;    ///< not sent, because the map knows all of it
-  uint64_t num_rejected = 0;   ///< refused for good, by the server or for being malformed
-  std::string last_error;      ///< of the latest call that failed for good; empty when none did
-  std::optional<uint32_t> aligned_at_keyframe;
-  double overlap_sum = 0;  ///< over answered queries, by the device's own count
+  /// Not sent, because the map knows all of it, or because it was alone in its fragment: no place is told by one view.
+  uint64_t num_skipped = 0;
+  uint64_t num_rejected = 0;                    ///< refused for good, by the server or for being malformed
+  std::string last_error;                       ///< of the latest call that failed for good; empty when none did
+  std::optional<uint32_t> aligned_at_keyframe;  ///< of several fragments, the first's that was aligned
+  double overlap_sum = 0;                       ///< over answered queries, by the device's own count
   uint64_t num_overlaps = 0;
   KeyframeTotals full;  ///< what upload_all would have sent for the keyframes handed in
   uint64_t num_sharing_failures = 0;
@@ -85,8 +88,18 @@ struct ParticipantStats {
   double network_cpu_s = 0;  ///< CPU time of the network thread: coding, counting, redundancy control
 };
 
+/// Where one fragment of a participant's way stands. Each is a session of its own at the server.
+struct ParticipantFragment {
+  std::optional<SessionId> session;  ///< absent until the server has opened it
+  ParticipantState state = ParticipantState::kRegistering;
+  std::optional<Pose3> T_map_session;  ///< absent until it is aligned; may come after the fragment's end
+  ParticipantStats stats;
+};
+
 /// The life of a session (DESIGN 3) for any SLAM system: registering, expanding, sharing, failing (algorithm 1),
-/// closing. Owns a network thread; nothing here waits for the network except Open, WaitIdle and Close.
+/// closing. A system that has lost its place for good goes on in a new *fragment*, in a session of its own. Owns a
+/// network thread a fragment; nothing here waits for the network except Open, WaitIdle and Close. Thread-safe, but
+/// OnKeyframe, OnSharedMapFrame and BeginFragment belong to one thread.
 class Participant {
  public:
   /// Opens the session. `adapter` must outlive the participant and may be null with kUploadAll.
@@ -103,18 +116,29 @@ class Participant {
   /// How a frame fared on the shared map; a failure resumes queries (algorithm 1). `last_keyframe` makes the whole
   /// keyframe of that frame and is called, on this thread, only when it failed.
   void OnSharedMapFrame(const SharedMapFrame& frame, const std::function<std::optional<Keyframe>()>& last_keyframe);
+  /// The system has begun a new map in a new frame `session` whose place relative to the last one it does not know.
+  /// What is handed in from now on belongs to a new session, with numbers from 0. The one before is sent to its end and
+  /// closed, the new one opened once it holds two keyframes, both in the background, again and again while the server
+  /// cannot be reached; until then keyframes queue as ever. Once this returns, no map of the session before reaches the
+  /// adapter: drop one that came earlier. Call it without a lock that the adapter's functions take.
+  void BeginFragment();
 
+  /// These three are of the present fragment.
   ParticipantState state() const;
   /// Absent until the session is aligned.
   std::optional<Pose3> T_map_session() const;
-  SessionId session() const;
-  /// Waits until every queued keyframe is sent and, while registering, compared with the map by the server.
-  /// DEADLINE_EXCEEDED when that takes longer.
+  std::optional<SessionId> session() const;  ///< absent until the server has opened it
+  /// All fragments, in order. The alignments of the latest 16 are followed after their end.
+  std::vector<ParticipantFragment> fragments() const;
+  /// Waits until every queued keyframe is sent and, while registering, compared with the map by the server; that
+  /// sessions of ended fragments are closed and the optimisations that follow are done. A keyframe that is alone in its
+  /// fragment is not waited for, nor what the server has refused. DEADLINE_EXCEEDED when that takes longer, or the
+  /// error of closing a session.
   Status WaitIdle(std::chrono::milliseconds timeout);
-  /// Sends what is queued, closes the session and, with `wait_for_optimization`, waits for the optimisation to end.
+  /// Sends what is queued, closes the sessions and, with `wait_for_optimization`, waits for the optimisations to end.
   /// Keyframes handed in from now on are dropped. DEADLINE_EXCEEDED says what is still to be done; call again.
   Status Close(std::chrono::milliseconds timeout, bool wait_for_optimization);
-  ParticipantStats stats() const;
+  ParticipantStats stats() const;  ///< of all fragments together
 
  private:
   struct Impl;
