@@ -85,7 +85,8 @@ class MapWriter : public MapReader {
   /// A new version: position, direction, descriptor, in_map; the old one stays readable at older revisions.
   virtual Status UpdatePoint(const PointRecord& point) = 0;
   /// Counters of the live version in place, no history: num_observations, confidence, observers, descriptor,
-  /// view_direction, reference_distance_m. (History of these follows from the observations.)
+  /// view_direction, reference_distance_m. (History of these follows from the observations.) The rest of the record is
+  /// as read: an upload touches hundreds of points, and none of them is looked up for it.
   virtual Status TouchPoint(const PointRecord& point) = 0;
   /// Ends the point at this revision. `fused_into`: the point that now stands for it; FindSessionPoints follows it.
   virtual Status RetirePoint(MapPointId point, std::optional<MapPointId> fused_into) = 0;

@@ -73,6 +73,7 @@ StatusOr<int64_t> Connection::QueryInt64(std::string_view sql) {
 }
 
 int64_t Connection::last_insert_id() const { return sqlite3_last_insert_rowid(db_); }
+int64_t Connection::num_changed() const { return sqlite3_changes64(db_); }
 bool Connection::in_transaction() const { return sqlite3_get_autocommit(db_) == 0; }
 
 StatusOr<std::unique_ptr<Transaction>> Transaction::Begin(Connection& db, Kind kind) {

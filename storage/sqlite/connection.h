@@ -33,6 +33,8 @@ class Connection {
   StatusOr<int64_t> QueryInt64(std::string_view sql);
 
   int64_t last_insert_id() const;
+  /// Rows that the statement which ran last has inserted, changed or deleted.
+  int64_t num_changed() const;
   /// Whether a transaction is open. Some errors (a full disk) end it behind the program's back.
   bool in_transaction() const;
   sqlite3* handle() const { return db_; }

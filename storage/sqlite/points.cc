@@ -183,8 +183,8 @@ Status UpdatePoint(Connection& db, ChangeLedger& ledger, const PointRecord& poin
 
 Status TouchPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point) {
   MAPP_RETURN_IF_ERROR(CheckFinite(point));
-  // Looked up before, as UPDATE ... RETURNING would build a temporary table for each of an upload's 500 points.
-  MAPP_ASSIGN_OR_RETURN(const PointStanding standing, GetPointStanding(db, ledger, point.id));
+  MAPP_ASSIGN_OR_RETURN(const MapId map, ledger.MapOfSession(point.session));
+  MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> tile_id, TileFor(ledger, map, point));
   const std::string observers = EncodeObservers(point.observers);
   MAPP_RETURN_IF_ERROR(
       db.Prepare("UPDATE points SET view_direction = ?, descriptor = ?, reference_distance_m = ?, num_observations = "
@@ -192,7 +192,8 @@ Status TouchPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point
           .Bind(Blob{DirectionBytes(point.view_direction)}, Blob{point.descriptor.Bytes()}, point.reference_distance_m,
                 point.num_observations, point.confidence, Blob{observers}, point.id)
           .Run());
-  return standing.tile_id ? ledger.ChangeTile(standing.map, *standing.tile_id, 0) : absl::OkStatus();
+  if (db.num_changed() == 0) return NoSuchPoint(point.id);
+  return tile_id ? ledger.ChangeTile(map, *tile_id, 0) : absl::OkStatus();
 }
 
 Status RetirePoint(Connection& db, ChangeLedger& ledger, MapPointId point, std::optional<MapPointId> fused_into) {

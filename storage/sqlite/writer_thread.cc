@@ -90,17 +90,25 @@ WriterThread::Request* WriterThread::PopQueue() {
 Status WriterThread::RunBatch(Request* first, std::vector<Request*>* batch) {
   batch->push_back(first);
   MAPP_ASSIGN_OR_RETURN(const auto transaction, Transaction::Begin(*db_, Transaction::Kind::kWrite));
-  for (Request* request = first; request != nullptr;) {
-    request->status = RunChange(*request);
-    // A full disk or an I/O error may roll back the whole transaction: those before this change are lost with it.
-    if (!db_->in_transaction()) {
-      return request->status.ok() ? absl::InternalError("map database: the transaction has ended early")
-                                  : request->status;
-    }
-    request = batch->size() < kMaxBatch ? TakeRequest() : nullptr;
-    if (request != nullptr) batch->push_back(request);
+  // Under a savepoint SQLite copies each page aside before it changes. The first change is undone with the transaction.
+  first->status = RunChange(*first);
+  if (!first->status.ok()) return absl::OkStatus();
+  Status lost = CheckInTransaction(*first);
+  while (lost.ok() && batch->size() < kMaxBatch) {
+    Request* const request = TakeRequest();
+    if (request == nullptr) break;
+    batch->push_back(request);
+    request->status = RunUnderSavepoint(*request);
+    lost = CheckInTransaction(*request);
   }
+  MAPP_RETURN_IF_ERROR(lost);
   return transaction->Commit();
+}
+
+/// A full disk or an I/O error may roll back the whole transaction: the changes before `request` are lost with it.
+Status WriterThread::CheckInTransaction(const Request& request) const {
+  if (db_->in_transaction()) return absl::OkStatus();
+  return request.status.ok() ? absl::InternalError("map database: the transaction has ended early") : request.status;
 }
 
 void WriterThread::Conclude(const std::vector<Request*>& batch, const Status& committed) {
@@ -117,9 +125,14 @@ void WriterThread::Conclude(const std::vector<Request*>& batch, const Status& co
   batch_done_.NotifyAll();
 }
 
+Status WriterThread::RunUnderSavepoint(const Request& request) {
+  MAPP_ASSIGN_OR_RETURN(const auto savepoint, Savepoint::Begin(*db_));
+  MAPP_RETURN_IF_ERROR(RunChange(request));
+  return savepoint->Release();
+}
+
 Status WriterThread::RunChange(const Request& request) {
   MAPP_RETURN_IF_ERROR(request.context.Check());
-  MAPP_ASSIGN_OR_RETURN(const auto savepoint, Savepoint::Begin(*db_));
   Change change(*db_, unix_now_ns_());
   try {
     MAPP_RETURN_IF_ERROR(request.change(change));
@@ -127,8 +140,7 @@ Status WriterThread::RunChange(const Request& request) {
     // The caller's code runs on this thread; whatever it throws must not end the service.
     return absl::InternalError(fmt::format("change of the map database threw: {}", error.what()));
   }
-  MAPP_RETURN_IF_ERROR(change.Finish());
-  return savepoint->Release();
+  return change.Finish();
 }
 
 Status WriterThread::CloseDatabase() {

@@ -18,7 +18,7 @@
 namespace mapp::sqlite {
 
 /// Owns the file's lock, the connection that writes, and the one thread that uses it. Changes that wait together share
-/// one transaction, a savepoint each, and so one disk sync. Thread-safe.
+/// one transaction, a savepoint each but the first, and so one disk sync. Thread-safe.
 class WriterThread {
  public:
   WriterThread(std::unique_ptr<FileLock> lock, std::unique_ptr<Connection> db, std::function<int64_t()> unix_now_ns);
@@ -46,7 +46,9 @@ class WriterThread {
   Request* TakeRequest() ABSL_LOCKS_EXCLUDED(mutex_);
   Request* PopQueue() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   Status RunBatch(Request* first, std::vector<Request*>* batch);
+  Status RunUnderSavepoint(const Request& request);
   Status RunChange(const Request& request);
+  Status CheckInTransaction(const Request& request) const;
   void Conclude(const std::vector<Request*>& batch, const Status& committed);
   Status CloseDatabase();
 

@@ -122,7 +122,6 @@ TEST_P(MapStorePointsTest, TouchChangesCountersInPlace) {
   touched.confidence = 0.5F;
   touched.observers = {FrameId(3)};
   touched.reference_distance_m = 8;
-  touched.position = {70, 70, 70};
   Check(Write([&](MapWriter& writer) { return writer.TouchPoint(touched); }));
 
   const PointRecord stored = Get(id);
