@@ -15,6 +15,7 @@ const std::vector<Experiment>& Experiments() {
       {"link", "Upload latency over a limited link", {"garage"}, RunLink},
       {"latency", "Latency of each step", {"hall"}, RunLatency},
       {"ate", "Trajectory error in every setting", {"garage", "plaza", "hall", "city"}, RunTrajectoryError},
+      {"lookalikes", "Places that look alike: wrong merges", {"garage", "plaza", "city"}, RunLookAlikes},
       {"reconstruction", "Map reconstruction error against users", {"city"}, RunReconstruction},
       {"injection", "Redundancy injection", {"garage"}, RunInjection},
       {"sharing", "Map sharing: what it saves the device", {"garage", "plaza"}, RunSharing},
