@@ -1,7 +1,8 @@
 #include "vision/corner_spreading.h"
 
 #include <algorithm>
-#include <tuple>
+#include <bit>
+#include <cstdint>
 #include <utility>
 
 namespace mapp::internal {
@@ -11,15 +12,34 @@ namespace {
 constexpr int kCell_px = 64;
 constexpr double kMaxEvenShares = 2.5;
 
-/// Corners in the order in which they are kept; the position decides among equals.
-bool ComesFirst(const cv::KeyPoint& a, const cv::KeyPoint& b) {
-  return std::tuple(-a.response, a.pt.y, a.pt.x) < std::tuple(-b.response, b.pt.y, b.pt.x);
+/// Sorts corners by contrast; the position, in whole pixels, decides among equals. Sorting numbers instead of corners
+/// takes half the time.
+void SortStrongestFirst(std::vector<cv::KeyPoint>& corners) {
+  struct Entry {
+    uint64_t key;
+    uint32_t idx;
+  };
+  std::vector<Entry> entries;
+  entries.reserve(corners.size());
+  for (size_t i = 0; i < corners.size(); ++i) {
+    const cv::KeyPoint& corner = corners[i];
+    // The bits of numbers of at least 0 are ordered as the numbers are.
+    const uint64_t weakness = ~std::bit_cast<uint32_t>(std::max(corner.response, 0.0F));
+    const auto x = static_cast<uint16_t>(corner.pt.x);
+    const auto y = static_cast<uint16_t>(corner.pt.y);
+    entries.push_back({weakness << 32 | uint64_t{y} << 16 | x, static_cast<uint32_t>(i)});
+  }
+  std::ranges::sort(entries, {}, &Entry::key);
+  std::vector<cv::KeyPoint> sorted;
+  sorted.reserve(corners.size());
+  for (const Entry& entry : entries) sorted.push_back(corners[entry.idx]);
+  corners = std::move(sorted);
 }
 
 }  // namespace
 
 void SpreadCorners(std::vector<cv::KeyPoint>& corners, int width_px, int height_px, int quota) {
-  std::sort(corners.begin(), corners.end(), ComesFirst);
+  SortStrongestFirst(corners);
   if (static_cast<int>(corners.size()) <= quota) return;
 
   const int columns = std::max(1, width_px / kCell_px);
