@@ -1,15 +1,15 @@
 #pragma once
 
+#include "mapp/base/call_context.h"
+#include "mapp/base/status.h"
+#include "storage/records.h"
+
 #include <functional>
 #include <memory>
 #include <optional>
 #include <span>
 #include <string>
 #include <vector>
-
-#include "mapp/base/call_context.h"
-#include "mapp/base/status.h"
-#include "storage/records.h"
 
 namespace mapp {
 
@@ -65,7 +65,7 @@ class MapWriter : public MapReader {
   virtual StatusOr<CameraId> InsertCamera(const Camera& camera) = 0;
   /// Id and opened_ns are set by the store.
   virtual StatusOr<SessionId> InsertSession(const SessionRecord& session) = 0;
-  /// Writes closed_ns, T_map_session, aligned_at_keyframe and optimized of the session.
+  /// Writes closed_ns, T_map_session, aligned_at_keyframe, optimized and quarantine of the session.
   virtual Status UpdateSession(const SessionRecord& session) = 0;
 
   /// Revision of this transaction for `map`: the map's next one, the same however often it is asked in one Write.

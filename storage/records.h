@@ -1,17 +1,18 @@
 #pragma once
 
-#include <Eigen/Core>
-#include <cstdint>
-#include <optional>
-#include <string>
-#include <vector>
-
 #include "mapp/base/id.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/feature/feature.h"
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/keyframe.h"
 #include "mapp/map/tile.h"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <optional>
+#include <string>
+#include <vector>
 
 namespace mapp {
 
@@ -24,14 +25,22 @@ struct MapRecord {
   double cone_range_m = 20.0;  ///< h
   /// The session whose frame became the frame `map`; none while the map is empty.
   std::optional<SessionId> founder;
-  int64_t num_frames = 0;    ///< frames that stand in the map, fragments not counted
-  int64_t num_points = 0;    ///< live points in the map's frame
+  int64_t num_frames = 0;  ///< frames that stand in the map, fragments not counted
+  int64_t num_points = 0;  ///< live points in the map's frame
   int64_t num_sessions = 0;
 };
 
 struct CameraRecord {
   CameraId id;
   Camera camera;
+};
+
+/// A session whose uploads contradicted the map or themselves: nothing of it enters the map any more.
+struct Quarantine {
+  int64_t since_ns = 0;  ///< Unix time
+  std::string reason;    ///< for operators: what was found, in figures
+  /// An operator has lifted it; the session is not judged again.
+  std::optional<int64_t> released_ns;
 };
 
 struct SessionRecord {
@@ -49,6 +58,10 @@ struct SessionRecord {
   std::optional<Revision> optimized;
   int64_t num_keyframes = 0;
   int64_t num_upload_bytes = 0;
+  /// The latest one, lifted or not.
+  std::optional<Quarantine> quarantine;
+
+  bool IsQuarantined() const { return quarantine && !quarantine->released_ns; }
 };
 
 struct FrameRecord {
@@ -77,10 +90,10 @@ struct Observation {
 
 struct PointRecord {
   MapPointId id;
-  SessionId session;                ///< whose upload created it
-  uint64_t session_point = 0;       ///< the device's own number for it
-  bool in_map = false;              ///< false: position and direction are in the session's frame
-  Eigen::Vector3d position = Eigen::Vector3d::Zero();         ///< metres, map or session frame
+  SessionId session;                                   ///< whose upload created it
+  uint64_t session_point = 0;                          ///< the device's own number for it
+  bool in_map = false;                                 ///< false: position and direction are in the session's frame
+  Eigen::Vector3d position = Eigen::Vector3d::Zero();  ///< metres, map or session frame
   Eigen::Vector3f view_direction = Eigen::Vector3f::UnitZ();  ///< unit, mean of (point - camera centre), same frame
   OrbDescriptor descriptor;
   float reference_distance_m = 1;  ///< as TilePoint::reference_distance_m

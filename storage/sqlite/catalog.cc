@@ -163,12 +163,18 @@ StatusOr<SessionId> InsertSession(Connection& db, ChangeLedger& ledger, const Se
 Status UpdateSession(Connection& db, const SessionRecord& session) {
   Statement update = db.Prepare(
       "UPDATE sessions SET closed_ns = ?, aligned_at_keyframe = ?, optimized_revision = ?, tx_m = ?, ty_m = ?, "
-      "tz_m = ?, qw = ?, qx = ?, qy = ?, qz = ? WHERE session_id = ? RETURNING 1");
+      "tz_m = ?, qw = ?, qx = ?, qy = ?, qz = ?, quarantined_ns = ?, quarantine_reason = ?, quarantine_released_ns = ? "
+      "WHERE session_id = ? RETURNING 1");
   update.Bind(session.closed_ns, session.aligned_at_keyframe, session.optimized);
   if (session.T_map_session) {
     BindPose(update, *session.T_map_session);
   } else {
     for (int i = 0; i < 7; ++i) update.Bind(std::optional<double>());
+  }
+  if (session.quarantine) {
+    update.Bind(session.quarantine->since_ns, session.quarantine->reason, session.quarantine->released_ns);
+  } else {
+    for (int i = 0; i < 3; ++i) update.Bind(std::optional<int64_t>());
   }
   return RunOnOneRow(update.Bind(session.id),
                      absl::NotFoundError(fmt::format("session {} does not exist", session.id.value())));

@@ -71,6 +71,7 @@ StatusOr<SessionRecord> ReadSession(const Statement& row) {
   session.num_keyframes = row.Int64(9);
   session.num_upload_bytes = row.Int64(10);
   if (!row.IsNull(11)) session.T_map_session = ReadPose(row, 11);
+  if (!row.IsNull(18)) session.quarantine = {row.Int64(18), Text(row, 19), OptionalInt<int64_t>(row, 20)};
   return session;
 }
 

@@ -12,7 +12,8 @@
   "num_sessions"
 #define MAPP_SESSION_COLUMNS                                                                   \
   "session_id, map_id, device, camera_id, sensor, opened_ns, closed_ns, aligned_at_keyframe, " \
-  "optimized_revision, num_keyframes, num_upload_bytes, tx_m, ty_m, tz_m, qw, qx, qy, qz"
+  "optimized_revision, num_keyframes, num_upload_bytes, tx_m, ty_m, tz_m, qw, qx, qy, qz, "    \
+  "quarantined_ns, quarantine_reason, quarantine_released_ns"
 #define MAPP_CAMERA_COLUMNS "camera_id, model, coefficients, width_px, height_px, stereo_baseline_m"
 #define MAPP_FRAME_COLUMNS                                                                                        \
   "frame_id, map_id, session_id, camera_id, number, stamp_ns, partial, overlap, num_features, num_packet_bytes, " \

@@ -99,6 +99,25 @@ TEST_P(MapStoreCatalogTest, UpdatesASession) {
   EXPECT_FALSE(Value(Read()->GetSession(scene.session)).T_map_session.has_value());
 }
 
+TEST_P(MapStoreCatalogTest, KeepsWhyASessionIsQuarantinedAndThatItWasReleased) {
+  const Scene scene = NewScene();
+  SessionRecord session = Value(Read()->GetSession(scene.session));
+  EXPECT_FALSE(session.quarantine || session.IsQuarantined());
+  session.quarantine = Quarantine{.since_ns = 7, .reason = "depths of a giant", .released_ns = std::nullopt};
+  Check(Write([&](MapWriter& writer) { return writer.UpdateSession(session); }));
+  SessionRecord stored = Value(Read()->ListSessions(scene.map)).at(0);
+  EXPECT_TRUE(stored.IsQuarantined());
+  EXPECT_EQ(stored.quarantine->since_ns, 7);
+  EXPECT_EQ(stored.quarantine->reason, "depths of a giant");
+
+  stored.quarantine->released_ns = 9;
+  Check(Write([&](MapWriter& writer) { return writer.UpdateSession(stored); }));
+  stored = Value(Read()->GetSession(scene.session));
+  EXPECT_FALSE(stored.IsQuarantined());
+  ASSERT_TRUE(stored.quarantine);
+  EXPECT_EQ(stored.quarantine->released_ns, 9);
+}
+
 TEST_P(MapStoreCatalogTest, ListsSessionsOfAMapOldestFirst) {
   const Scene kitchen = NewScene("kitchen");
   const Scene garage = NewScene("garage");

@@ -1,7 +1,9 @@
 // What is particular to the SQLite engine: the file, its owner, and what can be wrong with it.
+#include "storage/sqlite/migrator.h"
 #include "storage/sqlite/sqlite_map_store.h"
 #include "tests/unit/storage/store_fixture.h"
 
+#include <fmt/format.h>
 #include <sqlite3.h>
 
 #include <fstream>
@@ -81,7 +83,7 @@ TEST_F(SqliteFileTest, CreatesAFileThatSqliteFindsSound) {
   for (const char* pragma : {"integrity_check", "journal_mode", "page_size", "user_version", "application_id"}) {
     ASSERT_EQ(sqlite3_exec(db, (std::string("PRAGMA ") + pragma).c_str(), append, &answers, nullptr), SQLITE_OK);
   }
-  EXPECT_EQ(answers, "ok wal 16384 1 1298231408 ");
+  EXPECT_EQ(answers, fmt::format("ok wal 16384 {} 1298231408 ", sqlite::EmbeddedMigrations().size()));
   sqlite3_close(db);
 }
 
@@ -110,9 +112,10 @@ TEST_F(SqliteFileTest, RefusesAnotherProgramsDatabase) {
 
 TEST_F(SqliteFileTest, RefusesANewerSchema) {
   Open(file_);
-  RunSql(file_, "PRAGMA user_version = 7;");
+  const size_t newest = sqlite::EmbeddedMigrations().size();
+  RunSql(file_, fmt::format("PRAGMA user_version = {};", newest + 1));
   EXPECT_THAT(RefusalOf(file_, StatusCode::kFailedPrecondition),
-              HasSubstr("database schema 7 is newer than this program's 1"));
+              HasSubstr(fmt::format("database schema {} is newer than this program's {}", newest + 1, newest)));
   EXPECT_THAT(RefusalOf(file_, StatusCode::kFailedPrecondition, {.read_only = true}), HasSubstr("newer"));
 }
 
