@@ -80,8 +80,19 @@ Status WritePortFile(const std::string& file, int port) {
   return absl::OkStatus();
 }
 
-MapServiceOptions ServiceOptions(const ServerConfig& config) {
+/// `exporter` may be null.
+MapServiceOptions ServiceOptions(const ServerConfig& config, PrometheusExporter* exporter) {
   MapServiceOptions options;
+  options.guard.on_quarantined = [exporter](const QuarantinedSession& quarantined) {
+    const std::string finding = FindingName(quarantined.ruling.finding);
+    log::Warning("session_quarantined", {{"session", quarantined.session.value()},
+                                         {"device", quarantined.device},
+                                         {"finding", finding},
+                                         {"frames_retired", quarantined.retired_frames.size()},
+                                         {"points_retired", quarantined.num_retired_points},
+                                         {"reason", quarantined.ruling.reason}});
+    if (exporter != nullptr) exporter->OnSessionQuarantined(finding);
+  };
   options.cache_bytes = static_cast<size_t>(config.cache_mb) << 20;
   options.registrar.on_error = [](SessionId session, const Status& status) {
     log::Warning("registration_failed", {{"session", session.value()}, {"error", status.ToString()}});
@@ -108,12 +119,12 @@ RpcServerOptions RpcOptions(const ServerConfig& config, const MapServiceOptions&
 Status Serve(const ServerConfig& config, StopSignals& signals) {
   if (!config.port_file.empty()) MAPP_RETURN_IF_ERROR(RemovePortFile(config.port_file));
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapStore> store, OpenSqliteMapStore(config.database_file));
-  const MapServiceOptions service_options = ServiceOptions(config);
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapService> service, MapService::Create(*store, service_options));
-  std::unique_ptr<PrometheusExporter> exporter;
+  std::unique_ptr<PrometheusExporter> exporter;  // outlives the service, whose threads report to it
   if (!config.metrics_address.empty()) {
     MAPP_ASSIGN_OR_RETURN(exporter, PrometheusExporter::Listen(config.metrics_address));
   }
+  const MapServiceOptions service_options = ServiceOptions(config, exporter.get());
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapService> service, MapService::Create(*store, service_options));
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<RpcServer> server,
                         RpcServer::Start(*service, RpcOptions(config, service_options, exporter.get())));
   if (!config.port_file.empty()) MAPP_RETURN_IF_ERROR(WritePortFile(config.port_file, server->port()));

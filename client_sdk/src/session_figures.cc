@@ -32,6 +32,7 @@ SessionFigures& SessionFigures::operator+=(const SessionFigures& later) {
   counts.num_rejected += more.num_rejected;
   if (!more.last_error.empty()) counts.last_error = more.last_error;
   if (!counts.aligned_at_keyframe) counts.aligned_at_keyframe = more.aligned_at_keyframe;
+  counts.quarantine_reason = more.quarantine_reason;
   counts.overlap_sum += more.overlap_sum;
   counts.num_overlaps += more.num_overlaps;
   counts.full += more.full;

@@ -16,7 +16,8 @@ struct SessionFigures {
   std::array<LatencyRecorder, 5> latency;  ///< by Step
 
   LatencyRecorder& Of(Step step) { return latency.at(static_cast<size_t>(step)); }
-  /// Adds a later session's. Aligned is the first of them that was; the last error is the latest.
+  /// Adds a later session's. Aligned is the first of them that was; the last error is the latest, and
+  /// so is the quarantine.
   SessionFigures& operator+=(const SessionFigures& later);
   ParticipantStats Summary() const;
 };

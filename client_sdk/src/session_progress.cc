@@ -255,6 +255,12 @@ struct SessionProgress::EventVisitor {
   void operator()(const OptimizedEvent&) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
     progress.optimized_ = true;
   }
+  void operator()(const QuarantinedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
+    progress.figures_.counts.quarantine_reason = event.reason;
+  }
+  void operator()(const ReleasedEvent&) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
+    progress.figures_.counts.quarantine_reason.reset();
+  }
   void operator()(const WatchStartedEvent&) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
     // Comparisons may have ended unheard while the stream was down: wait for none of before.
     if (progress.num_watch_starts_++ > 0) progress.last_compared_ = progress.last_unaligned_upload_;

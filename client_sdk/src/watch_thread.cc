@@ -43,6 +43,10 @@ StatusOr<std::optional<ClientEvent>> ToClientEvent(const v1::WatchSessionRespons
                             .initial_rmse_px = optimized.initial_rmse_px(),
                             .final_rmse_px = optimized.final_rmse_px()};
     }
+    case v1::WatchSessionResponse::kQuarantined:
+      return QuarantinedEvent{.reason = response.quarantined().reason()};
+    case v1::WatchSessionResponse::kReleased:
+      return ReleasedEvent{};
     case v1::WatchSessionResponse::kStarted:
       return WatchStartedEvent{};
     case v1::WatchSessionResponse::EVENT_NOT_SET:

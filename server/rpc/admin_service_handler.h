@@ -32,6 +32,8 @@ class AdminServiceHandler final : public v1::AdminService::Service {
                          v1::DeleteMapResponse* response) override;
   grpc::Status ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest* request,
                             v1::ListSessionsResponse* response) override;
+  grpc::Status ReleaseSession(grpc::ServerContext* context, const v1::ReleaseSessionRequest* request,
+                              v1::ReleaseSessionResponse* response) override;
   grpc::Status ExportMap(grpc::ServerContext* context, const v1::ExportMapRequest* request,
                          grpc::ServerWriter<v1::ExportMapResponse>* writer) override;
 

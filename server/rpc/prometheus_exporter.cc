@@ -32,6 +32,10 @@ struct PrometheusExporter::Impl {
                     .Name("mapp_rpc_seconds")
                     .Help("Time inside the server by method.")
                     .Register(*registry)),
+        quarantined(prometheus::BuildCounter()
+                        .Name("mapp_sessions_quarantined_total")
+                        .Help("Sessions quarantined since the start by what was found.")
+                        .Register(*registry)),
         exposer(address) {
     exposer.RegisterCollectable(registry);
   }
@@ -40,6 +44,7 @@ struct PrometheusExporter::Impl {
   prometheus::Family<prometheus::Counter>& calls;
   prometheus::Family<prometheus::Counter>& bytes;
   prometheus::Family<prometheus::Histogram>& seconds;
+  prometheus::Family<prometheus::Counter>& quarantined;
   prometheus::Exposer exposer;  // its web server reads the registry: ends first
 };
 
@@ -60,6 +65,10 @@ void PrometheusExporter::OnCall(const std::string& method, const std::string& co
   impl_->calls.Add({{"method", method}, {"code", code}}).Increment();
   impl_->bytes.Add({{"method", method}}).Increment(static_cast<double>(bytes));
   impl_->seconds.Add({{"method", method}}, kLatencyBuckets).Observe(std::chrono::duration<double>(latency).count());
+}
+
+void PrometheusExporter::OnSessionQuarantined(const std::string& finding) {
+  impl_->quarantined.Add({{"finding", finding}}).Increment();
 }
 
 }  // namespace mapp

@@ -10,7 +10,8 @@ namespace mapp {
 
 /// Serves the calls' counts, latencies and sizes at http://ADDRESS/metrics in Prometheus' text format. Thread-safe.
 ///
-/// mapp_rpc_calls_total{method,code}, mapp_rpc_bytes_total{method}, mapp_rpc_seconds{method} (histogram).
+/// mapp_rpc_calls_total{method,code}, mapp_rpc_bytes_total{method}, mapp_rpc_seconds{method} (histogram),
+/// mapp_sessions_quarantined_total{finding}.
 class PrometheusExporter final : public CallObserver {
  public:
   /// INVALID_ARGUMENT or UNAVAILABLE naming the address when it cannot be listened on.
@@ -19,6 +20,8 @@ class PrometheusExporter final : public CallObserver {
 
   void OnCall(const std::string& method, const std::string& code, std::chrono::nanoseconds latency,
               uint64_t bytes) override;
+  /// `finding`: "own-points", "elsewhere", ... (service/keyframe_evidence.h).
+  void OnSessionQuarantined(const std::string& finding);
 
  private:
   struct Impl;

@@ -37,6 +37,12 @@ v1::SessionInfo ToProto(const SessionRecord& session, const std::string& map_nam
   info.set_aligned_at_keyframe(session.aligned_at_keyframe.value_or(0));
   info.set_num_keyframes(static_cast<uint64_t>(session.num_keyframes));
   info.set_num_upload_bytes(static_cast<uint64_t>(session.num_upload_bytes));
+  if (session.quarantine) {
+    v1::SessionInfo::Quarantine& quarantine = *info.mutable_quarantine();
+    quarantine.set_since_unix_ns(session.quarantine->since_ns);
+    quarantine.set_reason(session.quarantine->reason);
+    quarantine.set_released_unix_ns(session.quarantine->released_ns.value_or(0));
+  }
   return info;
 }
 

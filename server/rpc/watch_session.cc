@@ -43,6 +43,8 @@ struct ToEvent {
     out.set_num_points(event.num_points);
     out.set_seconds(event.seconds);
   }
+  void operator()(const SessionQuarantined& event) const { response.mutable_quarantined()->set_reason(event.reason); }
+  void operator()(const SessionReleased&) const { response.mutable_released(); }
 };
 
 /// One stream. Events are queued by the threads that publish them and written one at a time; deletes itself when the

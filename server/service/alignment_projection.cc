@@ -117,13 +117,15 @@ ProjectionAlignment Summarize(const QueryKeyframe& query, std::span<const PointR
 }
 
 /// Frames of the map that look the camera's way from nearby, best first.
-StatusOr<std::vector<FrameId>> NeighbourFrames(MapReader& reader, MapId map, const Pose3& T_map_camera) {
+StatusOr<std::vector<FrameId>> NeighbourFrames(MapReader& reader, MapId map, SessionId besides,
+                                               const Pose3& T_map_camera) {
   const Eigen::Vector3d reach = Eigen::Vector3d::Constant(kNeighbourRangeM);
   const Aabb box(T_map_camera.translation() - reach, T_map_camera.translation() + reach);
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader.FramesInBox(map, box));
   const Eigen::Vector3d axis = T_map_camera.rotation() * Eigen::Vector3d::UnitZ();
   std::vector<std::pair<double, FrameId>> ranked;
   for (const FrameRecord& frame : frames) {
+    if (frame.session == besides) continue;
     const double cosine = axis.dot(frame.T_frame_camera.rotation() * Eigen::Vector3d::UnitZ());
     if (cosine < kNeighbourCosine) continue;
     ranked.emplace_back(Distance(frame.T_frame_camera, T_map_camera) + kMetersPerOppositeView * (1 - cosine) / 2,
@@ -191,8 +193,9 @@ std::optional<ProjectionAlignment> AlignByProjection(const QueryKeyframe& query,
   return Summarize(query, points, narrow, refined);
 }
 
-StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, const Pose3& T_map_camera) {
-  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameId> frames, NeighbourFrames(reader, map, T_map_camera));
+StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, SessionId besides,
+                                                  const Pose3& T_map_camera) {
+  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameId> frames, NeighbourFrames(reader, map, besides, T_map_camera));
   std::unordered_set<MapPointId> seen;
   std::vector<MapPointId> ids;
   for (const FrameId frame : frames) {

@@ -64,8 +64,9 @@ std::optional<ProjectionAlignment> AlignByProjection(const QueryKeyframe& query,
 std::vector<ExpectedPoint> ExpectedPoints(const QueryKeyframe& query, std::span<const PointRecord> points,
                                           const Pose3& T_map_camera);
 
-/// Live map points seen by the frames of the map that look at about the same place as a camera at `T_map_camera`:
-/// the nearest such frames, a bounded number of them.
-StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, const Pose3& T_map_camera);
+/// Live map points seen by frames of the map that look at about the same place as a camera at `T_map_camera`: the
+/// nearest such frames of other sessions than `besides`, a bounded number of them.
+StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, SessionId besides,
+                                                  const Pose3& T_map_camera);
 
 }  // namespace mapp

@@ -149,7 +149,7 @@ StatusOr<VerificationResult> VerifyCandidates(MapReader& reader, const FrameView
     MAPP_ASSIGN_OR_RETURN(const std::optional<Pose3> T_map_camera, EstimateFromMatches(reader, keyframe, place));
     if (!T_map_camera) continue;
     MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points,
-                          PointsSeenNear(reader, query.record.map, *T_map_camera));
+                          PointsSeenNear(reader, query.record.map, query.record.session, *T_map_camera));
     std::optional<ProjectionAlignment> alignment = AlignByProjection(keyframe, points, *T_map_camera);
     if (!alignment) continue;
     result.best_inliers = std::max(result.best_inliers, static_cast<int>(alignment->inliers.size()));

@@ -23,11 +23,11 @@ struct VerificationResult {
   std::optional<KeyframeAlignment> alignment;
 };
 
-/// Geometric verification (DESIGN 7): does the fragment's keyframe `query` see what one of the `candidates`, frames of
-/// the map, saw? Candidates that stand together are tried as one place: descriptors matched against each, a rigid
-/// motion between the keyframe's own points and the map's by RANSAC, then guided matching with all points around.
-/// A keyframe that two places explain about equally well proves nothing and gives no alignment.
-/// Errors are the reader's.
+/// Geometric verification (DESIGN 7): does the keyframe `query` see what one of the `candidates`, frames of the map
+/// that other sessions brought, saw? Candidates that stand together are tried as one place: descriptors matched against
+/// each, a rigid motion between the keyframe's own points and the map's by RANSAC, then guided matching with all points
+/// around. A keyframe that two places explain about equally well proves nothing and gives no alignment. Errors are the
+/// reader's.
 StatusOr<VerificationResult> VerifyCandidates(MapReader& reader, const FrameView& query,
                                               std::span<const FrameId> candidates, const RegistrarOptions& options);
 

@@ -1,12 +1,13 @@
 #pragma once
 
 #include "mapp/map/keyframe.h"
+#include "server/service/keyframe_evidence.h"
 #include "server/service/loaded_tile.h"
 #include "server/service/overlap_assessor.h"
 
 #include <memory>
 #include <span>
-#include <unordered_set>
+#include <unordered_map>
 #include <vector>
 
 namespace mapp {
@@ -32,13 +33,17 @@ struct Association {
   MapPointId point;
 };
 
+struct Associations {
+  std::vector<Association> found;
+  /// With the points that other sessions than the keyframe's have seen.
+  MapComparison comparison;
+};
+
 /// Finds, for the features named in `feature_idxs` (which must have a depth), the points of `tiles` that they show:
-/// projection, octave, descriptor, viewing direction and depth have to agree (DESIGN 7). Points in `taken` are left
-/// out. No feature and no point appears twice.
-std::vector<Association> AssociateFeatures(const MapView& view, const Keyframe& keyframe,
-                                           std::span<const size_t> feature_idxs,
-                                           std::span<const std::shared_ptr<const LoadedTile>> tiles,
-                                           const std::unordered_set<MapPointId>& taken,
-                                           const AssociationOptions& options);
+/// projection, octave, descriptor, viewing direction and depth have to agree (DESIGN 7). Points in `taken`, given with
+/// the feature that names them, are left out. No feature and no point appears twice.
+Associations AssociateFeatures(const MapView& view, const Keyframe& keyframe, std::span<const size_t> feature_idxs,
+                               std::span<const std::shared_ptr<const LoadedTile>> tiles,
+                               const std::unordered_map<MapPointId, size_t>& taken, const AssociationOptions& options);
 
 }  // namespace mapp

@@ -1,9 +1,11 @@
 #include "server/service/integrator.h"
 
 #include "mapp/codec/keyframe_codec.h"
+#include "server/service/frame_view.h"
 #include "server/service/keyframe_writer.h"
 #include "server/service/registrar.h"
 #include "server/service/session_events.h"
+#include "server/service/session_guard.h"
 #include "server/service/session_view.h"
 #include "server/service/step_times.h"
 #include "server/service/tile_cache.h"
@@ -12,7 +14,7 @@
 #include <fmt/format.h>
 
 #include <optional>
-#include <unordered_set>
+#include <unordered_map>
 #include <utility>
 
 namespace mapp {
@@ -24,13 +26,17 @@ struct Integrator::Upload {
   SessionView view;
   /// By feature: the point that the session's own number for it stands for already.
   std::vector<std::optional<MapPointId>> known_points;
-  std::vector<Association> associations;
+  Associations associations;
+  std::optional<FrameId> logged_frame;  ///< a frame of the log that is to enter the map
 };
 
 struct Integrator::Outcome {
   UploadResult result;
   bool in_map = false;
+  bool admitted = true;
+  Finding finding = Finding::kSilent;
   std::vector<TileChange> changes;
+  std::optional<QuarantinedSession> quarantined;
 };
 
 namespace {
@@ -43,8 +49,11 @@ StatusOr<UploadResult> StoredBefore(MapReader& reader, const SessionRecord& sess
 }
 
 /// The session's first keyframe makes its frame the map's, if nobody's has and its scale is metric.
-Status FoundMapIfFirst(MapWriter& writer, const Keyframe& keyframe, SessionRecord& session) {
+Status FoundMapIfFirst(MapWriter& writer, const Keyframe& keyframe, const EvidenceOptions& evidence,
+                       SessionRecord& session) {
   if (session.T_map_session || !IsMetric(session.sensor)) return absl::OkStatus();
+  // Everybody after it would be measured by it.
+  if (IsFalse(JudgeDepths(keyframe, session.sensor, evidence).finding)) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(session.map));
   if (map.founder) return absl::OkStatus();
   MAPP_RETURN_IF_ERROR(writer.SetFounder(map.id, session.id));
@@ -84,15 +93,15 @@ StatusOr<std::vector<std::optional<MapPointId>>> FindKnownPoints(MapReader& read
 }  // namespace
 
 Integrator::Integrator(MapStore& store, TileCache& tiles, SessionEvents& events, Registrar& registrar,
-                       const IntegratorOptions& options)
-    : store_(store), tiles_(tiles), events_(events), registrar_(registrar), options_(options) {}
+                       SessionGuard& guard, const IntegratorOptions& options)
+    : store_(store), tiles_(tiles), events_(events), registrar_(registrar), guard_(guard), options_(options) {}
 
 StatusOr<UploadResult> Integrator::Integrate(const CallContext& context, const std::string& packet) {
   if (packet.size() > options_.max_packet_bytes) {
     return absl::InvalidArgumentError(
         fmt::format("keyframe: at most {} bytes, got {}", options_.max_packet_bytes, packet.size()));
   }
-  Upload upload{packet, {}, {}, {}, {}};
+  Upload upload{packet, {}, {}, {}, {}, std::nullopt};
   MAPP_ASSIGN_OR_RETURN(upload.keyframe, DecodeKeyframe(packet));
   {
     MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store_.Read());
@@ -101,6 +110,7 @@ StatusOr<UploadResult> Integrator::Integrate(const CallContext& context, const s
     MAPP_ASSIGN_OR_RETURN(const auto stored, reader->FindFrame(upload.keyframe.session, upload.keyframe.number));
     if (stored) return StoredBefore(*reader, upload.view.session, *stored);
     MAPP_RETURN_IF_ERROR(CheckOpen(upload.view.session));
+    MAPP_RETURN_IF_ERROR(CheckNotQuarantined(upload.view.session));
     MAPP_ASSIGN_OR_RETURN(upload.known_points, FindKnownPoints(*reader, upload.keyframe));
   }
   const Stopwatch associating;
@@ -121,16 +131,16 @@ StatusOr<UploadResult> Integrator::Integrate(const CallContext& context, const s
   return outcome.result;
 }
 
-StatusOr<std::vector<Association>> Integrator::Associate(const Upload& upload) const {
+StatusOr<Associations> Integrator::Associate(const Upload& upload) const {
   MAPP_ASSIGN_OR_RETURN(const MapView view, ViewInMap(upload.view, upload.keyframe.pose_frame,
                                                       upload.keyframe.T_frame_camera, "keyframe.pose"));
   std::vector<size_t> unknown;
-  std::unordered_set<MapPointId> taken;
+  std::unordered_map<MapPointId, size_t> taken;
   for (size_t i = 0; i < upload.keyframe.features.size(); ++i) {
     const std::optional<PointReference>& reference = upload.keyframe.features[i].point;
     if (!reference) continue;
-    if (upload.known_points[i]) taken.insert(*upload.known_points[i]);
-    if (reference->kind == PointReference::Kind::kMapPoint) taken.insert(MapPointId(reference->id));
+    if (upload.known_points[i]) taken.emplace(*upload.known_points[i], i);
+    if (reference->kind == PointReference::Kind::kMapPoint) taken.emplace(MapPointId(reference->id), i);
     // A map point's id may be out of date; the writer falls back on the association then.
     if (!upload.known_points[i]) unknown.push_back(i);
   }
@@ -147,15 +157,38 @@ Status Integrator::Store(MapWriter& writer, const Upload& upload, Outcome& outco
     return absl::OkStatus();
   }
   MAPP_RETURN_IF_ERROR(CheckOpen(session));
-  MAPP_RETURN_IF_ERROR(FoundMapIfFirst(writer, upload.keyframe, session));
+  MAPP_RETURN_IF_ERROR(CheckNotQuarantined(session));
+  MAPP_RETURN_IF_ERROR(FoundMapIfFirst(writer, upload.keyframe, guard_.evidence_options(), session));
   MAPP_ASSIGN_OR_RETURN(const Pose3 T_frame_camera, PoseToStore(session, upload.keyframe));
   outcome.in_map = session.T_map_session.has_value();
-  MAPP_ASSIGN_OR_RETURN(WrittenKeyframe written,
-                        WriteKeyframe(writer, {upload.keyframe, upload.packet, upload.view.camera, session,
-                                               outcome.in_map, T_frame_camera, upload.associations}));
+  KeyframeEvidence evidence;
+  const auto admit = [&](std::span<const KnownPoint> known) {
+    // An operator's word is the last one.
+    if (!session.quarantine) evidence = Judge(upload, T_frame_camera, known);
+    // A fragment is compared as a whole before it may merge.
+    return !outcome.in_map || !IsFalse(evidence.finding);
+  };
+  MAPP_ASSIGN_OR_RETURN(
+      WrittenKeyframe written,
+      WriteKeyframe(writer, {upload.keyframe, upload.packet, upload.view.camera, session, outcome.in_map,
+                             T_frame_camera, upload.associations.found, admit, upload.logged_frame}));
+  outcome.admitted = written.admitted;
+  outcome.finding = evidence.finding;
   outcome.result = {written.frame, false, written.revision, session.T_map_session};
   outcome.changes = std::move(written.changes);
+  MAPP_ASSIGN_OR_RETURN(outcome.quarantined, guard_.Note(writer, session, upload.keyframe.number, evidence));
   return absl::OkStatus();
+}
+
+KeyframeEvidence Integrator::Judge(const Upload& upload, const Pose3& T_frame_camera,
+                                   std::span<const KnownPoint> known) const {
+  const EvidenceOptions& options = guard_.evidence_options();
+  const KeyframeEvidence depths = JudgeDepths(upload.keyframe, upload.view.session.sensor, options);
+  if (IsFalse(depths.finding)) return depths;
+  const KeyframeEvidence own = JudgeKnownPoints(upload.keyframe, upload.view.camera, T_frame_camera, known, options);
+  if (IsFalse(own.finding)) return own;
+  const KeyframeEvidence map = JudgeComparison(upload.associations.comparison, options);
+  return map.finding == Finding::kSilent ? own : map;
 }
 
 void Integrator::Announce(const Upload& upload, const Outcome& outcome) const {
@@ -167,7 +200,56 @@ void Integrator::Announce(const Upload& upload, const Outcome& outcome) const {
     for (const TileChange& change : outcome.changes) event.keys.push_back(change.key);
     events_.PublishToMap(map, event);
   }
-  registrar_.OnKeyframeStored(map, upload.keyframe.session, outcome.result.frame, outcome.in_map);
+  if (outcome.quarantined) guard_.Announce(*outcome.quarantined);
+  if (outcome.in_map && !outcome.admitted) return;
+  registrar_.OnKeyframeStored(map, upload.keyframe.session, outcome.result.frame, outcome.in_map,
+                              outcome.finding == Finding::kDoubtful);
+}
+
+StatusOr<size_t> Integrator::IntegrateLeftOut(const CallContext& context, SessionId session) {
+  std::vector<FrameRecord> frames;
+  {
+    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store_.Read());
+    MAPP_ASSIGN_OR_RETURN(const SessionRecord record, reader->GetSession(session));
+    if (!record.T_map_session) return 0;
+    MAPP_ASSIGN_OR_RETURN(frames, reader->ListFrames(record.map, session));
+  }
+  std::erase_if(frames, [](const FrameRecord& frame) { return frame.in_map; });
+  for (const FrameRecord& frame : frames) MAPP_RETURN_IF_ERROR(IntegrateLogged(context, frame.id));
+  return frames.size();
+}
+
+Status Integrator::IntegrateLogged(const CallContext& context, FrameId frame) {
+  std::string packet;
+  Upload upload{packet, {}, {}, {}, {}, frame};
+  {
+    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store_.Read());
+    MAPP_ASSIGN_OR_RETURN(FrameView view, LoadFrame(*reader, frame));
+    MAPP_ASSIGN_OR_RETURN(packet, reader->GetPacket(frame));
+    upload.keyframe = std::move(view.keyframe);
+    MAPP_ASSIGN_OR_RETURN(upload.view, LoadSession(*reader, upload.keyframe.session));
+    MAPP_ASSIGN_OR_RETURN(upload.known_points, FindKnownPoints(*reader, upload.keyframe));
+  }
+  MAPP_ASSIGN_OR_RETURN(upload.associations, Associate(upload));
+  Outcome outcome;
+  outcome.in_map = true;
+  const auto store = [&](MapWriter& writer) -> Status {
+    MAPP_ASSIGN_OR_RETURN(const SessionRecord session, writer.GetSession(upload.keyframe.session));
+    MAPP_ASSIGN_OR_RETURN(const Pose3 T_map_camera, PoseToStore(session, upload.keyframe));
+    MAPP_ASSIGN_OR_RETURN(WrittenKeyframe written, WriteKeyframe(writer, {upload.keyframe,
+                                                                          upload.packet,
+                                                                          upload.view.camera,
+                                                                          session,
+                                                                          /*in_map=*/true,
+                                                                          T_map_camera,
+                                                                          upload.associations.found,
+                                                                          {},
+                                                                          upload.logged_frame}));
+    outcome.result = {written.frame, false, written.revision, session.T_map_session};
+    outcome.changes = std::move(written.changes);
+    return absl::OkStatus();
+  };
+  return store_.Write(context, store, [&] { Announce(upload, outcome); });
 }
 
 }  // namespace mapp

@@ -5,6 +5,7 @@
 #include "server/service/associator.h"
 #include "server/service/service_types.h"
 
+#include <span>
 #include <string>
 
 namespace mapp {
@@ -13,6 +14,7 @@ class MapStore;
 class MapWriter;
 class Registrar;
 class SessionEvents;
+class SessionGuard;
 class StepTimes;
 class TileCache;
 
@@ -28,28 +30,38 @@ struct IntegratorOptions {
 /// and listeners follow in commit order. Thread-safe.
 class Integrator {
  public:
-  Integrator(MapStore& store, TileCache& tiles, SessionEvents& events, Registrar& registrar,
+  Integrator(MapStore& store, TileCache& tiles, SessionEvents& events, Registrar& registrar, SessionGuard& guard,
              const IntegratorOptions& options);
 
   /// `packet`: codec/keyframe_codec.h. Durable when it returns OK; sent again, it changes nothing. The first keyframe
   /// of a metric session in a map without a founder founds the frame `map`; keyframes of sessions that are not aligned
   /// stay in their session's frame as its fragment.
-  /// INVALID_ARGUMENT: malformed. NOT_FOUND: no such session. FAILED_PRECONDITION: the session is closed, or tells a
-  /// pose in the map before it is aligned.
+  /// Each is judged (session_guard.h); one that contradicts its session or the map outright goes to the keyframe log
+  /// alone, and after some of them the session is quarantined.
+  /// INVALID_ARGUMENT: malformed. NOT_FOUND: no such session. FAILED_PRECONDITION: the session is closed or
+  /// quarantined, or tells a pose in the map before it is aligned.
   StatusOr<UploadResult> Integrate(const CallContext& context, const std::string& packet);
+
+  /// Takes into the map what an aligned session has in the keyframe log alone, in its order, unjudged; the number of
+  /// frames. Errors as Integrate, and DATA_LOSS.
+  StatusOr<size_t> IntegrateLeftOut(const CallContext& context, SessionId session);
 
  private:
   struct Upload;
   struct Outcome;
 
-  StatusOr<std::vector<Association>> Associate(const Upload& upload) const;
+  StatusOr<Associations> Associate(const Upload& upload) const;
   Status Store(MapWriter& writer, const Upload& upload, Outcome& outcome) const;
+  /// The keyframe's own word, and the map's about it.
+  KeyframeEvidence Judge(const Upload& upload, const Pose3& T_frame_camera, std::span<const KnownPoint> known) const;
+  Status IntegrateLogged(const CallContext& context, FrameId frame);
   void Announce(const Upload& upload, const Outcome& outcome) const;
 
   MapStore& store_;
   TileCache& tiles_;
   SessionEvents& events_;
   Registrar& registrar_;
+  SessionGuard& guard_;
   const IntegratorOptions options_;
 };
 

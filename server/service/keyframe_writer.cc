@@ -28,9 +28,11 @@ class KeyframeWriter {
     MAPP_ASSIGN_OR_RETURN(map_, writer_.GetMap(input_.session.map));
     MAPP_ASSIGN_OR_RETURN(written.revision, writer_.NextRevision(map_.id));
     MAPP_ASSIGN_OR_RETURN(Targets targets, FindTargets());
+    written.admitted = IsAdmitted(targets);
     // Points name the frame as observer and the frame's observations name the points: the frame comes first.
-    MAPP_ASSIGN_OR_RETURN(frame_, writer_.InsertFrame(MakeFrameRecord(), input_.packet, {}));
+    MAPP_ASSIGN_OR_RETURN(frame_, EnterFrame(written.admitted));
     written.frame = frame_;
+    if (!written.admitted) return written;
     for (size_t i = 0; i < input_.keyframe.features.size(); ++i) {
       if (input_.keyframe.features[i].point) MAPP_RETURN_IF_ERROR(WriteFeature(i, targets));
     }
@@ -41,6 +43,29 @@ class KeyframeWriter {
 
  private:
   const KeyframeFeature& FeatureAt(size_t idx) const { return input_.keyframe.features[idx]; }
+
+  bool IsAdmitted(const Targets& targets) const {
+    if (!input_.admit) return true;
+    std::vector<KnownPoint> known;
+    for (size_t i = 0; i < targets.referenced.size(); ++i) {
+      const auto found = targets.referenced[i] ? targets.live.find(*targets.referenced[i]) : targets.live.end();
+      if (found != targets.live.end()) known.push_back({i, &found->second});
+    }
+    return input_.admit(known);
+  }
+
+  StatusOr<FrameId> EnterFrame(bool admitted) {
+    if (input_.logged_frame) {
+      MAPP_RETURN_IF_ERROR(writer_.SetFramePose(*input_.logged_frame, input_.in_map, input_.T_frame_camera));
+      return *input_.logged_frame;
+    }
+    FrameRecord frame = MakeFrameRecord();
+    if (!admitted && input_.in_map) {
+      frame.in_map = false;
+      frame.T_frame_camera = input_.session.T_map_session->Inverse() * input_.T_frame_camera;
+    }
+    return writer_.InsertFrame(frame, input_.packet, {});
+  }
 
   FrameRecord MakeFrameRecord() const {
     FrameRecord frame;

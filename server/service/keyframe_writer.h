@@ -2,9 +2,12 @@
 
 #include "mapp/base/status.h"
 #include "server/service/associator.h"
+#include "server/service/keyframe_evidence.h"
 #include "server/service/tile_cache.h"
 #include "storage/records.h"
 
+#include <functional>
+#include <optional>
 #include <span>
 #include <string>
 #include <vector>
@@ -23,10 +26,16 @@ struct KeyframeToWrite {
   Pose3 T_frame_camera;  ///< T_map_camera when in_map, else T_session_camera
   /// Map points that features show, found before the transaction; those no longer live are passed over.
   std::span<const Association> associations;
+  /// Told the points that its references lead to. False: the keyframe goes to the log alone, in its session's frame.
+  /// Empty: it is admitted.
+  std::function<bool(std::span<const KnownPoint>)> admit;
+  /// A frame of the log that is to enter the map after all, instead of a new one.
+  std::optional<FrameId> logged_frame;
 };
 
 struct WrittenKeyframe {
   FrameId frame;
+  bool admitted = true;
   Revision revision;
   /// What it did to the map's tiles; empty for a fragment.
   std::vector<TileChange> changes;

@@ -7,6 +7,7 @@
 #include "server/service/tile_cache.h"
 #include "storage/records.h"
 
+#include <algorithm>
 #include <array>
 #include <memory>
 #include <span>
@@ -51,6 +52,11 @@ class LoadedTile {
   /// Frames that saw points of the tile; indices stay the same from version to version.
   const std::vector<ObserverFrame>& frames() const { return frames_->list; }
   size_t num_points() const { return num_points_; }
+  /// Whether a frame of another session is among the point's observers.
+  bool IsSeenByOthers(const LoadedPoint& point, SessionId session) const {
+    return std::any_of(point.observer_frames.begin(), point.observer_frames.begin() + point.num_observers,
+                       [&](uint32_t frame) { return frames()[frame].session != session; });
+  }
   size_t num_segments() const { return parts_.size(); }
   /// Memory it holds, approximately.
   size_t bytes() const { return bytes_; }

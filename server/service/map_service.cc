@@ -1,6 +1,7 @@
 #include "server/service/map_service.h"
 
 #include "mapp/base/mutex.h"
+#include "mapp/base/unix_time.h"
 #include "mapp/codec/keyframe_codec.h"
 #include "server/service/map_service_impl.h"
 #include "server/service/session_view.h"
@@ -8,8 +9,8 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <chrono>
 #include <utility>
+#include <vector>
 
 namespace mapp {
 namespace {
@@ -17,12 +18,6 @@ namespace {
 constexpr size_t kMaxNameLength = 128;
 constexpr size_t kMaxReportedKeyframes = 8;
 constexpr double kMaxOversharing = 4;
-
-int64_t UnixNow() {
-  using std::chrono::duration_cast;
-  using std::chrono::nanoseconds;
-  return duration_cast<nanoseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
-}
 
 /// 1 to 128 characters of UTF-8, none of them a control character.
 Status ValidateName(const std::string& name, const std::string& field) {
@@ -62,6 +57,7 @@ StatusOr<SessionView> LoadOpenSession(MapStore& store, SessionId session) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
   MAPP_ASSIGN_OR_RETURN(SessionView view, LoadSession(*reader, session));
   MAPP_RETURN_IF_ERROR(CheckOpen(view.session));
+  MAPP_RETURN_IF_ERROR(CheckNotQuarantined(view.session));
   return view;
 }
 
@@ -93,9 +89,9 @@ class OpeningGate {
     }
   }
 
-  void Open(const std::optional<SessionAligned>& present) {
+  void Open(const std::vector<SessionEvent>& present) {
     const MutexLock lock(mutex_);
-    if (present) callback_(*present);
+    for (const SessionEvent& event : present) callback_(event);
     for (const SessionEvent& event : held_) callback_(event);
     held_.clear();
     open_ = true;
@@ -209,7 +205,7 @@ StatusOr<ClosedSession> MapService::CloseSession(const CallContext& context, Ses
     closed.optimization_pending = record.T_map_session.has_value() && !record.optimized;
     if (record.closed_ns) return absl::OkStatus();
     just_closed = true;
-    record.closed_ns = UnixNow();
+    record.closed_ns = UnixNowNs();
     return writer.UpdateSession(record);
   };
   const auto queue_optimization = [&] {
@@ -229,9 +225,12 @@ StatusOr<std::unique_ptr<SessionEvents::Subscription>> MapService::WatchSession(
       impl_->events.Subscribe(session, known.map, [gate](const SessionEvent& event) { gate->Pass(event); });
   // Read after subscribing: an alignment that this misses arrives as an event.
   MAPP_ASSIGN_OR_RETURN(const SessionRecord present, FindSession(impl_->store, session));
-  std::optional<SessionAligned> aligned;
-  if (present.T_map_session) aligned = {*present.T_map_session, present.aligned_at_keyframe.value_or(0)};
-  gate->Open(aligned);
+  std::vector<SessionEvent> standing;
+  if (present.T_map_session) {
+    standing.emplace_back(SessionAligned{*present.T_map_session, present.aligned_at_keyframe.value_or(0)});
+  }
+  if (present.IsQuarantined()) standing.emplace_back(SessionQuarantined{present.quarantine->reason});
+  gate->Open(standing);
   return subscription;
 }
 

@@ -8,6 +8,7 @@
 #include "server/service/registrar.h"
 #include "server/service/service_types.h"
 #include "server/service/session_events.h"
+#include "server/service/session_guard.h"
 #include "server/service/step_times.h"
 #include "storage/records.h"
 
@@ -25,6 +26,7 @@ struct MapServiceOptions {
   size_t cache_bytes = size_t{256} << 20;
   RegistrarOptions registrar;
   OptimizerOptions optimizer;
+  GuardOptions guard;
   /// Greatest upload accepted, bytes.
   size_t max_keyframe_bytes = size_t{64} << 10;
 };
@@ -48,7 +50,7 @@ class MapService {
   StatusOr<UpdateResult> ReportUpdate(const CallContext& context, SessionId session,
                                       const std::vector<std::string>& packets);
   StatusOr<ClosedSession> CloseSession(const CallContext& context, SessionId session);
-  /// Delivers the session's present alignment at once, if any, then events as they come.
+  /// Delivers the session's present alignment and quarantine at once, if any, then events as they come.
   StatusOr<std::unique_ptr<SessionEvents::Subscription>> WatchSession(const CallContext& context, SessionId session,
                                                                       SessionEvents::Callback callback);
 
@@ -58,6 +60,9 @@ class MapService {
   StatusOr<MapRecord> DeleteMap(const CallContext& context, const std::string& name, bool force);
   /// Of one map, or of all with an empty name.
   StatusOr<std::vector<SessionRecord>> ListSessions(const CallContext& context, const std::string& map_name);
+  /// Lifts a session's quarantine for good: what was left out of the map enters it, and an open session goes on.
+  /// NOT_FOUND; FAILED_PRECONDITION: it is not quarantined.
+  StatusOr<ReleasedSession> ReleaseSession(const CallContext& context, SessionId session);
   /// From one snapshot: the map's frames once, then points tile by tile.
   Status ExportMap(const CallContext& context, const std::string& name,
                    const std::function<Status(const MapRecord&, const std::vector<FrameRecord>&)>& on_frames,

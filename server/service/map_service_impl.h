@@ -2,6 +2,7 @@
 
 #include "server/service/integrator.h"
 #include "server/service/map_service.h"
+#include "server/service/session_guard.h"
 #include "server/service/shared_map.h"
 #include "server/service/tile_cache.h"
 #include "server/service/update_checker.h"
@@ -14,9 +15,10 @@ struct MapService::Impl {
   Impl(MapStore& map_store, const MapServiceOptions& options)
       : store(map_store),
         tiles(map_store, options.cache_bytes),
+        guard(map_store, tiles, events, WithRegistrar(options.guard)),
         optimizer(map_store, tiles, events, WithStepTimes(options.optimizer)),
-        registrar(map_store, tiles, events, WithOptimizer(WithStepTimes(options.registrar))),
-        integrator(map_store, tiles, events, registrar,
+        registrar(map_store, tiles, events, WithGuard(WithOptimizer(WithStepTimes(options.registrar)))),
+        integrator(map_store, tiles, events, registrar, guard,
                    {.max_packet_bytes = options.max_keyframe_bytes, .association = {}, .step_times = &step_times}),
         shared_map(map_store) {}
 
@@ -31,10 +33,24 @@ struct MapService::Impl {
     return options;
   }
 
+  RegistrarOptions WithGuard(RegistrarOptions options) {
+    options.guard = &guard;
+    return options;
+  }
+
+  GuardOptions WithRegistrar(GuardOptions options) {
+    options.on_quarantined = [this, told = options.on_quarantined](const QuarantinedSession& quarantined) {
+      registrar.OnSessionQuarantined(quarantined.map, quarantined.session, quarantined.retired_frames);
+      if (told) told(quarantined);
+    };
+    return options;
+  }
+
   MapStore& store;
   StepTimes step_times;
   SessionEvents events;
   TileCache tiles;
+  SessionGuard guard;
   Optimizer optimizer;
   Registrar registrar;
   Integrator integrator;

@@ -18,7 +18,8 @@ using FusionVotes = std::map<MapPointId, std::map<MapPointId, int>>;
 Status VoteForFusions(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session, FusionVotes& votes) {
   MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
   const Pose3 T_map_camera = T_map_session * frame.T_frame_camera;
-  MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points, PointsSeenNear(reader, frame.map, T_map_camera));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points,
+                        PointsSeenNear(reader, frame.map, frame.session, T_map_camera));
   const std::optional<ProjectionAlignment> alignment = AlignByProjection(QueryKeyframe(view), points, T_map_camera);
   if (!alignment) return absl::OkStatus();
   for (const AlignmentMatch& match : alignment->inliers) {
@@ -155,7 +156,7 @@ Status FragmentMerge::MovePoints(MapWriter& writer) {
 
 Status FragmentMerge::Run(MapWriter& writer) {
   MAPP_ASSIGN_OR_RETURN(SessionRecord session, writer.GetSession(session_));
-  if (session.T_map_session) return absl::OkStatus();
+  if (session.T_map_session || session.IsQuarantined()) return absl::OkStatus();
   map_ = session.map;
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(map_));
   grid_.edge_m = map.tile_edge_m;

@@ -21,7 +21,8 @@ StatusOr<PointFusions> FindFusions(MapReader& reader, SessionId session, const P
 /// Moves a fragment into the map in one transaction: its frames and points to the map's frame, including those stored
 /// since the alignment was found; paired points fused into the map's. Afterwards drops the touched tiles from `tiles`
 /// and publishes TilesChanged to the map and SessionAligned to the session.
-/// Does nothing when the session is aligned already. Errors: NOT_FOUND for a deleted session, else the store's.
+/// Does nothing when the session is aligned already, or quarantined. Errors: NOT_FOUND for a deleted session, else the
+/// store's.
 Status MergeFragment(MapStore& store, TileCache& tiles, SessionEvents& events, const CallContext& context,
                      SessionId session, const Pose3& T_map_session, const PointFusions& fusions);
 

@@ -1,6 +1,7 @@
 #include "server/service/point_stats.h"
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <vector>
 
@@ -69,6 +70,23 @@ void AddObservation(PointRecord& point, const Sighting& sighting, std::span<cons
   point.reference_distance_m += weight * (reference_m - point.reference_distance_m);
   ++point.num_observations;
   AddObserver(point, sighting, observer_centers);
+}
+
+void RemoveObservation(PointRecord& point, const Sighting& sighting) {
+  std::erase(point.observers, sighting.frame);
+  if (point.num_observations < 2) return;
+  const float weight = 1.0F / static_cast<float>(point.num_observations);
+  point.reference_distance_m =
+      (point.reference_distance_m - weight * ReferenceDistance(point, sighting)) / (1 - weight);
+  // The mean m was (1 - w) d + w v, scaled to length 1 by some s: the older d follows from |s m - w v| = 1 - w.
+  const Eigen::Vector3f direction = Direction(sighting.camera_center, point.position).cast<float>();
+  const float along = weight * point.view_direction.dot(direction);
+  const float root = along * along - weight * weight + (1 - weight) * (1 - weight);
+  if (root >= 0) {
+    const Eigen::Vector3f older = (along + std::sqrt(root)) * point.view_direction - weight * direction;
+    if (older.norm() > 1e-3F) point.view_direction = older.normalized();
+  }
+  --point.num_observations;
 }
 
 }  // namespace mapp

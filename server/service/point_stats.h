@@ -28,4 +28,8 @@ void InitPointStats(PointRecord& point, const Sighting& sighting, const OrbDescr
 /// differ most in direction. `observer_centers` are the centres of the present point.observers, same order and frame.
 void AddObservation(PointRecord& point, const Sighting& sighting, std::span<const Eigen::Vector3d> observer_centers);
 
+/// Takes one back out again, as far as that goes: an observer that the list let go for it does not come back. Exact to
+/// float precision for the mean distance, and for the direction when it was the latest.
+void RemoveObservation(PointRecord& point, const Sighting& sighting);
+
 }  // namespace mapp

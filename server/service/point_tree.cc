@@ -9,8 +9,8 @@
 namespace mapp {
 namespace {
 
-using Distance = flann::L2_Simple<float>;
-using Index = flann::KDTreeSingleIndex<Distance>;
+using FlannDistance = flann::L2_Simple<float>;
+using Index = flann::KDTreeSingleIndex<FlannDistance>;
 
 constexpr int kLeafSize = 10;  // FLANN's own default
 

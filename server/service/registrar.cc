@@ -3,13 +3,16 @@
 #include "server/service/alignment_consensus.h"
 #include "server/service/fragment_index.h"
 #include "server/service/merger.h"
+#include "server/service/placement_check.h"
 #include "server/service/serial_worker.h"
 #include "server/service/session_events.h"
+#include "server/service/session_guard.h"
 #include "server/service/step_times.h"
 #include "server/service/way_check.h"
 #include "vision/place_index.h"
 
 #include <algorithm>
+#include <numbers>
 #include <set>
 #include <unordered_map>
 #include <unordered_set>
@@ -29,18 +32,25 @@ constexpr size_t kRecallStep = 3;
 constexpr size_t kNeighborsAsked = 2;
 
 struct Task {
+  enum class Kind { kFrame, kCheckedFrame, kMapGone, kQuarantined, kReleased };
+  Kind kind = Kind::kFrame;
   MapId map;
-  /// Absent: the map is gone, forget it.
-  std::optional<FrameId> frame;
   SessionId session;
+  FrameId frame;                 ///< of the first two kinds
+  std::vector<FrameId> retired;  ///< of kQuarantined
 };
+
+/// Doubtful keyframes of one session that differ by less than both of these are one view.
+constexpr double kSameViewM = 0.7;
+constexpr double kSameViewRad = 20.0 * std::numbers::pi / 180.0;
 
 /// What is known of one map; all of it can be had again from the store.
 struct MapState {
   PlaceIndex index{PlaceIndex::Options{}};
   std::unordered_set<FrameId> indexed_frames;
   std::unordered_map<SessionId, AlignmentConsensus> fragments;
-  FragmentIndex unmerged;  ///< keyframes of metric fragments
+  FragmentIndex unmerged;                             ///< keyframes of metric fragments
+  std::unordered_map<SessionId, Pose3> last_checked;  ///< T_map_camera of the last doubtful keyframe looked at
 };
 
 }  // namespace
@@ -66,6 +76,10 @@ struct Registrar::Impl {
   Status Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session, MapState& state);
   /// Tries the fragments again that have a keyframe like this frame of the map.
   Status RecallFragments(MapReader& reader, const FrameRecord& frame, MapState& state);
+  /// A close look at a doubtful keyframe, unless it shows what the one before it did.
+  Status CheckDoubtful(MapReader& reader, const FrameRecord& frame, MapState& state);
+  void ForgetQuarantined(const Task& task);
+  Status TakeUpReleased(const Task& task);
   Status TryAgain(MapReader& reader, const FrameView& view, MapState& state);
 
   /// The map's state, its index filled from the store when that is not up to date.
@@ -104,7 +118,8 @@ Status Registrar::Impl::AddFrames(MapReader& reader, MapId map, std::optional<Se
       continue;
     }
     MAPP_ASSIGN_OR_RETURN(const SessionRecord record, reader.GetSession(frame.session));
-    if (record.sensor == SensorKind::kMono) continue;
+    // Frames left out of an aligned session are nobody's fragment.
+    if (record.sensor == SensorKind::kMono || record.T_map_session || record.IsQuarantined()) continue;
     MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
     state.unmerged.Add(frame.session, frame.id, view.Descriptors());
   }
@@ -163,7 +178,8 @@ StatusOr<AlignmentConsensus*> Registrar::Impl::ConsensusOf(MapReader& reader, co
 
 Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecord& frame, MapState& state) {
   MAPP_ASSIGN_OR_RETURN(const SessionRecord session, reader.GetSession(frame.session));
-  if (session.sensor == SensorKind::kMono) {
+  if (session.T_map_session) return absl::OkStatus();  // left out of the map for good
+  if (session.sensor == SensorKind::kMono || session.IsQuarantined()) {
     events.Publish(frame.session, AlignmentTried{.keyframe = frame.number});
     return absl::OkStatus();
   }
@@ -203,7 +219,7 @@ Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const
   // Other fragments may have been where this one was.
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, merged->ListFrames(frame.map, frame.session));
   for (size_t i = 0; i < frames.size(); i += kRecallStep) {
-    worker.Push({.map = frame.map, .frame = frames[i].id, .session = frame.session});
+    worker.Push({.map = frame.map, .session = frame.session, .frame = frames[i].id, .retired = {}});
   }
   return absl::OkStatus();
 }
@@ -238,22 +254,69 @@ Status Registrar::Impl::TryAgain(MapReader& reader, const FrameView& view, MapSt
   return MergeIfDecided(reader, view.record, *consensus, state);
 }
 
+Status Registrar::Impl::CheckDoubtful(MapReader& reader, const FrameRecord& frame, MapState& state) {
+  const auto [last, is_first] = state.last_checked.try_emplace(frame.session, frame.T_frame_camera);
+  if (!is_first && Distance(last->second, frame.T_frame_camera) < kSameViewM &&
+      RotationAngle(last->second, frame.T_frame_camera) < kSameViewRad) {
+    return absl::OkStatus();
+  }
+  last->second = frame.T_frame_camera;
+  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
+  MAPP_ASSIGN_OR_RETURN(const KeyframeEvidence evidence, CheckPlacement(reader, view, state.index, options));
+  MAPP_ASSIGN_OR_RETURN(const SessionRecord session, reader.GetSession(frame.session));
+  return options.guard->NoteLate(session, frame.number, evidence);
+}
+
+void Registrar::Impl::ForgetQuarantined(const Task& task) {
+  const auto state = maps.find(task.map);
+  if (state == maps.end()) return;
+  state->second.fragments.erase(task.session);
+  state->second.last_checked.erase(task.session);
+  state->second.unmerged.Remove(task.session);
+  for (const FrameId frame : task.retired) {
+    if (state->second.indexed_frames.erase(frame) > 0) state->second.index.Remove(frame.value());
+  }
+}
+
+Status Registrar::Impl::TakeUpReleased(const Task& task) {
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
+  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader->ListFrames(task.map, task.session));
+  for (const FrameRecord& frame : frames) {
+    if (!frame.in_map) worker.Push({.map = task.map, .session = task.session, .frame = frame.id, .retired = {}});
+  }
+  return absl::OkStatus();
+}
+
 Status Registrar::Impl::Process(const Task& task) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
-  // The session may have merged since the frame was stored: the store knows.
-  MAPP_ASSIGN_OR_RETURN(const FrameRecord frame, reader->GetFrame(*task.frame));
+  // The session may have merged since the frame was stored, or been quarantined: the store knows.
+  MAPP_ASSIGN_OR_RETURN(const FrameRecord frame, reader->GetFrame(task.frame));
   MAPP_ASSIGN_OR_RETURN(MapState* const state, StateOf(*reader, frame.map));
   if (!frame.in_map) return ProcessFragmentFrame(*reader, frame, *state);
   MAPP_RETURN_IF_ERROR(AddToIndex(*reader, frame.id, *state));
+  if (task.kind == Task::Kind::kCheckedFrame && options.guard != nullptr) {
+    MAPP_RETURN_IF_ERROR(CheckDoubtful(*reader, frame, *state));
+  }
   return RecallFragments(*reader, frame, *state);
 }
 
 void Registrar::Impl::Run(const Task& task) {
-  if (!task.frame) {
-    maps.erase(task.map);
-    return;
+  Status status;
+  switch (task.kind) {
+    case Task::Kind::kMapGone:
+      maps.erase(task.map);
+      return;
+    case Task::Kind::kQuarantined:
+      ForgetQuarantined(task);
+      return;
+    case Task::Kind::kReleased:
+      status = TakeUpReleased(task);
+      break;
+    case Task::Kind::kFrame:
+    case Task::Kind::kCheckedFrame:
+      status = Process(task);
+      break;
   }
-  const Status status = Process(task);
   if (!status.ok() && !absl::IsNotFound(status) && options.on_error) options.on_error(task.session, status);
 }
 
@@ -262,8 +325,9 @@ Registrar::Registrar(MapStore& store, TileCache& tiles, SessionEvents& events, c
 
 Registrar::~Registrar() { Shutdown(); }
 
-void Registrar::OnKeyframeStored(MapId map, SessionId session, FrameId frame, bool in_map) {
-  if (impl_->worker.Push({.map = map, .frame = frame, .session = session})) return;
+void Registrar::OnKeyframeStored(MapId map, SessionId session, FrameId frame, bool in_map, bool doubtful) {
+  const Task::Kind kind = doubtful ? Task::Kind::kCheckedFrame : Task::Kind::kFrame;
+  if (impl_->worker.Push({.kind = kind, .map = map, .session = session, .frame = frame, .retired = {}})) return;
   // A fragment's keyframe that finds the queue full goes unasked; a later one of its session will do. A frame of the
   // map is read from the store when the index is used next.
   if (!in_map) return;
@@ -271,7 +335,18 @@ void Registrar::OnKeyframeStored(MapId map, SessionId session, FrameId frame, bo
   impl_->behind.insert(map);
 }
 
-void Registrar::OnMapDeleted(MapId map) { impl_->worker.Push({.map = map, .frame = std::nullopt, .session = {}}); }
+void Registrar::OnMapDeleted(MapId map) {
+  impl_->worker.Push({.kind = Task::Kind::kMapGone, .map = map, .session = {}, .frame = {}, .retired = {}});
+}
+
+void Registrar::OnSessionQuarantined(MapId map, SessionId session, const std::vector<FrameId>& retired) {
+  impl_->worker.Push(
+      {.kind = Task::Kind::kQuarantined, .map = map, .session = session, .frame = {}, .retired = retired});
+}
+
+void Registrar::OnSessionReleased(MapId map, SessionId session) {
+  impl_->worker.Push({.kind = Task::Kind::kReleased, .map = map, .session = session, .frame = {}, .retired = {}});
+}
 
 void Registrar::Shutdown() { impl_->worker.Stop(); }
 

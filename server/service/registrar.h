@@ -7,12 +7,14 @@
 #include <algorithm>
 #include <functional>
 #include <memory>
+#include <vector>
 
 namespace mapp {
 
 class MapStore;
-class StepTimes;
 class SessionEvents;
+class SessionGuard;
+class StepTimes;
 class TileCache;
 
 struct RegistrarOptions {
@@ -39,6 +41,8 @@ struct RegistrarOptions {
   std::function<void(SessionId, const Status&)> on_error;
   /// Told how long each run took. Borrowed; may be null.
   StepTimes* step_times = nullptr;
+  /// Told what a close look at doubtful keyframes says. Borrowed; may be null: then there is none.
+  SessionGuard* guard = nullptr;
 };
 
 /// Whether the cells that contradict are few enough for the others.
@@ -50,7 +54,7 @@ inline bool Tolerates(const RegistrarOptions& options, const ViewAgreement& agre
 /// Thread-safe. Publishes AlignmentTried for every keyframe of a fragment, and SessionAligned.
 /// A fragment that found no place in the map, closed or not, is tried again when a frame joins the map that looks like
 /// one of its own: it merges as soon as the map has grown to where it was.
-/// Sessions of sensor kMono have no scale and stay fragments.
+/// Sessions of sensor kMono have no scale and stay fragments. Quarantined sessions are not compared with anything.
 class Registrar {
  public:
   Registrar(MapStore& store, TileCache& tiles, SessionEvents& events, const RegistrarOptions& options);
@@ -58,8 +62,12 @@ class Registrar {
 
   /// Tells of a stored keyframe; returns at once. Frames in the map are indexed; those of a fragment are compared with
   /// the map, and indexed once it has merged. When a map's frames were never loaded (after a start), they are indexed
-  /// first.
-  void OnKeyframeStored(MapId map, SessionId session, FrameId frame, bool in_map);
+  /// first. `doubtful`: a frame in the map that did not look like the map there, to be checked (placement_check.h).
+  void OnKeyframeStored(MapId map, SessionId session, FrameId frame, bool in_map, bool doubtful = false);
+  /// Forgets the session's fragment, and the frames that were retired.
+  void OnSessionQuarantined(MapId map, SessionId session, const std::vector<FrameId>& retired);
+  /// Takes up the fragment of a session that was released.
+  void OnSessionReleased(MapId map, SessionId session);
   /// Forgets the map's index.
   void OnMapDeleted(MapId map);
   /// Ends the thread after the work in hand; what still waits is taken up again after the next start. Idempotent.

@@ -63,5 +63,9 @@ struct ClosedSession {
   int64_t num_keyframes = 0;
   bool optimization_pending = false;
 };
+struct ReleasedSession {
+  SessionRecord session;
+  size_t num_frames_taken_in = 0;  ///< frames that had been left out of the map
+};
 
 }  // namespace mapp

@@ -1,16 +1,17 @@
 #pragma once
 
-#include <cstdint>
-#include <functional>
-#include <map>
-#include <memory>
-#include <variant>
-#include <vector>
-
 #include "mapp/base/id.h"
 #include "mapp/base/mutex.h"
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/tile.h"
+
+#include <cstdint>
+#include <functional>
+#include <map>
+#include <memory>
+#include <string>
+#include <variant>
+#include <vector>
 
 namespace mapp {
 
@@ -39,8 +40,14 @@ struct OptimizationFinished {
   uint32_t num_points = 0;
   double seconds = 0;
 };
-using SessionEvent =
-    std::variant<AlignmentTried, SessionAligned, SessionCorrected, TilesChanged, OptimizationFinished>;
+/// Nothing of the session enters the map any more.
+struct SessionQuarantined {
+  std::string reason;
+};
+/// An operator has lifted that.
+struct SessionReleased {};
+using SessionEvent = std::variant<AlignmentTried, SessionAligned, SessionCorrected, TilesChanged, OptimizationFinished,
+                                  SessionQuarantined, SessionReleased>;
 
 /// Who listens to which session. Thread-safe. Callbacks run on the publisher's thread, must not block and must not
 /// call back into this object.

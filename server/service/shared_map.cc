@@ -73,13 +73,6 @@ StatusOr<MapTiles> ListTiles(MapStore& store, MapId map, const Aabb& box_map) {
   return tiles;
 }
 
-bool IsSeenByOthers(const LoadedTile& tile, const LoadedPoint& point, SessionId session) {
-  for (uint32_t i = 0; i < point.num_observers; ++i) {
-    if (tile.frames()[point.observer_frames[i]].session != session) return true;
-  }
-  return false;
-}
-
 }  // namespace
 
 StatusOr<double> ShareSeenByOthers(TileCache& tiles, MapId map, const ViewCone& cone, SessionId session) {
@@ -89,7 +82,7 @@ StatusOr<double> ShareSeenByOthers(TileCache& tiles, MapId map, const ViewCone& 
     tile->ForEachPosition([&](const Eigen::Vector3f& p_map, const LoadedPoint& point) {
       if (!cone.Contains(p_map.cast<double>())) return;
       ++num_points;
-      num_by_others += IsSeenByOthers(*tile, point, session) ? 1 : 0;
+      num_by_others += tile->IsSeenByOthers(point, session) ? 1 : 0;
     });
   }
   return num_points == 0 ? 0.0 : static_cast<double>(num_by_others) / static_cast<double>(num_points);

@@ -59,7 +59,8 @@ StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& 
   for (const FrameRecord& frame : WayAround(std::move(frames), at)) {
     MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
     const Pose3 T_map_camera = T_map_session * frame.T_frame_camera;
-    MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points, PointsSeenNear(reader, at.map, T_map_camera));
+    MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points,
+                          PointsSeenNear(reader, at.map, at.session, T_map_camera));
     const ViewAgreement agreement = CompareOne(QueryKeyframe(view), points, T_map_camera);
     sum.num_agreeing += agreement.num_agreeing;
     sum.num_contradicting += agreement.num_contradicting;

@@ -90,6 +90,18 @@ SyntheticWorld SyntheticWorld::WithoutCabinet() const {
   return emptied;
 }
 
+SyntheticWorld SyntheticWorld::Rearranged(double share, uint64_t seed) const {
+  SyntheticWorld rearranged = *this;
+  Rng rng(seed);
+  for (Landmark& landmark : rearranged.landmarks_) {
+    if (landmark.on_cabinet || rng.Uniform() >= share) continue;
+    for (int axis = 0; axis < 3; ++axis) {
+      if (landmark.normal[axis] == 0) landmark.p_world[axis] = rng.Uniform(kRoomMin[axis], kRoomMax[axis]);
+    }
+  }
+  return rearranged;
+}
+
 Camera SyntheticWorld::DeviceCamera() {
   Camera camera;
   camera.projection = PinholeCamera{525, 525, 319.5, 239.5};

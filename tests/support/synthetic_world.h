@@ -23,6 +23,8 @@ class SyntheticWorld {
   explicit SyntheticWorld(uint64_t seed);
   /// The same world after somebody has carried the cabinet away.
   SyntheticWorld WithoutCabinet() const;
+  /// The same world after this share of what is on the walls was hung elsewhere on its wall.
+  SyntheticWorld Rearranged(double share, uint64_t seed) const;
 
   /// 640 x 480 pinhole with a field of view of 63 degrees.
   static Camera DeviceCamera();

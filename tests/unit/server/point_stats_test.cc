@@ -47,6 +47,21 @@ TEST(PointStatsTest, MeansMoveWithTheWeightOfOneObservation) {
   EXPECT_FLOAT_EQ(point.reference_distance_m, 4 * OctaveScale(2));
 }
 
+TEST(PointStatsTest, AnObservationTakenBackLeavesWhatWasBefore) {
+  PointRecord point = SeenFrom({0, 0.5, -4});
+  const Eigen::Vector3d centers[] = {{0, 0.5, -4}, {-4, 0, -1}, {1, -2, -3}};
+  AddObservation(point, Seen(2, centers[1]), std::span(centers).first(1));
+  const PointRecord before = point;
+  AddObservation(point, Seen(3, centers[2]), std::span(centers).first(2));
+  AddObservation(point, Seen(4, {3, 0, -3}), centers);
+  RemoveObservation(point, Seen(4, {3, 0, -3}));
+  RemoveObservation(point, Seen(3, centers[2]));
+  EXPECT_EQ(point.num_observations, before.num_observations);
+  EXPECT_EQ(point.observers, before.observers);
+  EXPECT_LT((point.view_direction - before.view_direction).norm(), 1e-6F);
+  EXPECT_NEAR(point.reference_distance_m, before.reference_distance_m, 1e-5);
+}
+
 TEST(PointStatsTest, CamerasOfEveryFocalLengthTellTheSameReference) {
   // Twice the focal length from twice as far: as large in the image, so of the same octave.
   PointRecord point = SeenFrom({0, 0, -4});

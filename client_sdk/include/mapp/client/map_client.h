@@ -106,11 +106,18 @@ struct OptimizedEvent {
   double initial_rmse_px = 0;
   double final_rmse_px = 0;
 };
+/// The session's uploads contradict the map or themselves: the server takes nothing more of it. What to do is in
+/// `reason`'s likely cause: mend the calibration and open a new session, or ask an operator.
+struct QuarantinedEvent {
+  std::string reason;
+};
+/// An operator has lifted the quarantine.
+struct ReleasedEvent {};
 /// The stream stands (again): what happens from now on is told; what happened before may have been missed, but for the
-/// present alignment, which comes just before this.
+/// present alignment and quarantine, which come just before this.
 struct WatchStartedEvent {};
 using ClientEvent = std::variant<AlignmentTriedEvent, AlignedEvent, CorrectedEvent, TilesChangedEvent, OptimizedEvent,
-                                 WatchStartedEvent>;
+                                 QuarantinedEvent, ReleasedEvent, WatchStartedEvent>;
 
 /// The protocol of mapp.v1 with deadlines and retries. Thread-safe. Calls block; keep them off the tracking thread
 /// (Participant does). Errors carry the server's code and message.

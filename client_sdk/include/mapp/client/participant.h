@@ -78,7 +78,9 @@ struct ParticipantStats {
   uint64_t num_rejected = 0;                    ///< refused for good, by the server or for being malformed
   std::string last_error;                       ///< of the latest call that failed for good; empty when none did
   std::optional<uint32_t> aligned_at_keyframe;  ///< of several fragments, the first's that was aligned
-  double overlap_sum = 0;                       ///< over answered queries, by the device's own count
+  /// Set while the server has the latest session in quarantine: its keyframes are refused and counted as rejected.
+  std::optional<std::string> quarantine_reason;
+  double overlap_sum = 0;  ///< over answered queries, by the device's own count
   uint64_t num_overlaps = 0;
   KeyframeTotals full;  ///< what upload_all would have sent for the keyframes handed in
   uint64_t num_sharing_failures = 0;

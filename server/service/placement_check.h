@@ -1,0 +1,20 @@
+#pragma once
+
+#include "mapp/base/status.h"
+#include "server/service/alignment_verifier.h"
+#include "server/service/keyframe_evidence.h"
+#include "vision/place_index.h"
+
+namespace mapp {
+
+/// Looks closely at a keyframe of the map, of whose view the map showed little where its session places it: is it
+/// there, elsewhere, or does it see something else? By the points of other sessions alone.
+///
+/// kAgrees: it is recognised where it stands, give or take what odometry may have drifted on the way since the session
+/// was aligned (0.5 m and 3 % of the way, 10 degrees), or shows what the map holds there. kElsewhere: it is recognised
+/// further away, as strictly as for an alignment. kUnlike: not recognised, and most of the view contradicts; whole
+/// keyframes only, since redundancy control takes away what would agree. kSilent otherwise. Errors are the reader's.
+StatusOr<KeyframeEvidence> CheckPlacement(MapReader& reader, const FrameView& view, const PlaceIndex& index,
+                                          const RegistrarOptions& options);
+
+}  // namespace mapp

@@ -1,0 +1,94 @@
+#include "server/service/session_guard.h"
+
+#include "mapp/base/unix_time.h"
+#include "server/service/session_events.h"
+#include "server/service/session_retirement.h"
+#include "server/service/tile_cache.h"
+#include "storage/map_store.h"
+
+#include <fmt/chrono.h>
+#include <fmt/format.h>
+
+#include <utility>
+
+namespace mapp {
+namespace {
+
+std::string FormatTime(int64_t unix_ns) {
+  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(unix_ns / 1'000'000'000)));
+}
+
+}  // namespace
+
+Status CheckNotQuarantined(const SessionRecord& session) {
+  if (!session.IsQuarantined()) return absl::OkStatus();
+  return absl::FailedPreconditionError(
+      fmt::format("session {0} is quarantined since {1}: {2}. Nothing of it enters the map. Check the device's "
+                  "calibration and depth scale and open a new session; if this one is right, an operator lifts the "
+                  "quarantine with `mapp sessions release {0}`",
+                  session.id.value(), FormatTime(session.quarantine->since_ns), session.quarantine->reason));
+}
+
+SessionGuard::SessionGuard(MapStore& store, TileCache& tiles, SessionEvents& events, const GuardOptions& options)
+    : store_(store), tiles_(tiles), events_(events), options_(options), judge_(options.judge) {}
+
+StatusOr<std::optional<QuarantinedSession>> SessionGuard::Note(MapWriter& writer, const SessionRecord& session,
+                                                               uint32_t keyframe, const KeyframeEvidence& evidence) {
+  if (session.quarantine) return std::nullopt;
+  std::optional<Ruling> ruling = judge_.Add(session.id, keyframe, evidence);
+  if (!ruling) return std::nullopt;
+  SessionRecord record = session;
+  record.quarantine = Quarantine{.since_ns = UnixNowNs(), .reason = ruling->reason, .released_ns = std::nullopt};
+  MAPP_RETURN_IF_ERROR(writer.UpdateSession(record));
+  // A founder's frames needed nobody to vouch for them: the map began with them.
+  MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(session.map));
+  const uint32_t first = map.founder == session.id ? ruling->first_contradiction : ruling->first_suspect;
+  MAPP_ASSIGN_OR_RETURN(Retirement retired, RetireFrames(writer, record, first));
+  return QuarantinedSession{.session = session.id,
+                            .map = session.map,
+                            .revision = retired.revision,
+                            .device = session.device,
+                            .ruling = *std::move(ruling),
+                            .retired_frames = std::move(retired.frames),
+                            .num_retired_points = retired.num_points,
+                            .touched_tiles = std::move(retired.touched_tiles)};
+}
+
+void SessionGuard::Announce(const QuarantinedSession& quarantined) {
+  judge_.Forget(quarantined.session);
+  if (!quarantined.touched_tiles.empty()) {
+    tiles_.Invalidate(quarantined.map, quarantined.touched_tiles);
+    events_.PublishToMap(quarantined.map, TilesChanged{quarantined.touched_tiles, quarantined.revision});
+  }
+  events_.Publish(quarantined.session, SessionQuarantined{quarantined.ruling.reason});
+  if (options_.on_quarantined) options_.on_quarantined(quarantined);
+}
+
+Status SessionGuard::NoteLate(const SessionRecord& session, uint32_t keyframe, const KeyframeEvidence& evidence) {
+  std::optional<QuarantinedSession> quarantined;
+  const auto note = [&](MapWriter& writer) -> Status {
+    // As it stands now: it may have been quarantined, released or deleted meanwhile.
+    MAPP_ASSIGN_OR_RETURN(const SessionRecord record, writer.GetSession(session.id));
+    MAPP_ASSIGN_OR_RETURN(quarantined, Note(writer, record, keyframe, evidence));
+    return absl::OkStatus();
+  };
+  return store_.Write({}, note, [&] {
+    if (quarantined) Announce(*quarantined);
+  });
+}
+
+StatusOr<SessionRecord> SessionGuard::Release(const CallContext& context, SessionId session) {
+  SessionRecord record;
+  const auto release = [&](MapWriter& writer) -> Status {
+    MAPP_ASSIGN_OR_RETURN(record, writer.GetSession(session));
+    if (!record.IsQuarantined()) {
+      return absl::FailedPreconditionError(fmt::format("session {} is not quarantined", session.value()));
+    }
+    record.quarantine->released_ns = UnixNowNs();
+    return writer.UpdateSession(record);
+  };
+  MAPP_RETURN_IF_ERROR(store_.Write(context, release, [&] { events_.Publish(session, SessionReleased{}); }));
+  return record;
+}
+
+}  // namespace mapp
