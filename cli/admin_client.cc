@@ -50,6 +50,10 @@ StatusOr<SessionSummary> ToSummary(const v1::SessionInfo& info) {
   }
   session.num_keyframes = info.num_keyframes();
   session.num_upload_bytes = info.num_upload_bytes();
+  if (info.has_quarantine()) {
+    session.quarantine = QuarantineSummary{info.quarantine().since_unix_ns(), info.quarantine().reason(),
+                                           info.quarantine().released_unix_ns()};
+  }
   return session;
 }
 
@@ -164,6 +168,14 @@ StatusOr<std::vector<SessionSummary>> AdminClient::ListSessions(const std::strin
     sessions.push_back(*std::move(session));
   }
   return sessions;
+}
+
+StatusOr<uint64_t> AdminClient::ReleaseSession(uint64_t session_id) {
+  v1::ReleaseSessionRequest request;
+  request.set_session_id(static_cast<uint32_t>(session_id));
+  MAPP_ASSIGN_OR_RETURN(const v1::ReleaseSessionResponse response,
+                        impl_->Call(&v1::AdminService::Stub::ReleaseSession, request, kBulkCallTimeout));
+  return response.num_frames();
 }
 
 StatusOr<MapContent> AdminClient::ExportMap(const std::string& name) {

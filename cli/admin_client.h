@@ -25,6 +25,8 @@ class AdminClient {
   StatusOr<std::pair<uint64_t, uint64_t>> DeleteMap(const std::string& name, bool force);
   /// Of all maps when `map_name` is empty.
   StatusOr<std::vector<SessionSummary>> ListSessions(const std::string& map_name);
+  /// Lifts a session's quarantine; the number of frames that the map has taken in for it.
+  StatusOr<uint64_t> ReleaseSession(uint64_t session_id);
   /// Everything the map holds now, frames by session and number.
   StatusOr<MapContent> ExportMap(const std::string& name);
 

@@ -203,13 +203,32 @@ void AddMaps(CLI::App& app, Command& chosen) {
 }
 
 void AddSessions(CLI::App& app, Command& chosen) {
-  CLI::App* sessions = app.add_subcommand("sessions", "List sessions")->require_subcommand(1);
+  CLI::App* sessions = app.add_subcommand("sessions", "List, show and release sessions")->require_subcommand(1);
   auto list = std::make_shared<SessionsListOptions>();
   CLI::App* command = sessions->add_subcommand("list", "Sessions, oldest first");
   AddServer(*command, list->server);
   AddJson(*command, list->json);
   command->add_option("--map", list->map_name, "Only of this map");
   command->callback([list, &chosen] { chosen = [list] { return RunSessionsList(*list, std::cout); }; });
+
+  auto show = std::make_shared<SessionsShowOptions>();
+  CLI::App* show_command = sessions->add_subcommand("show", "One session, and why it is quarantined if it is");
+  AddServer(*show_command, show->server);
+  AddJson(*show_command, show->json);
+  show_command->add_option("id", show->id, "Number of the session")->required()->type_name("SESSION");
+  show_command->callback([show, &chosen] { chosen = [show] { return RunSessionsShow(*show, std::cout); }; });
+
+  auto release = std::make_shared<SessionsReleaseOptions>();
+  CLI::App* release_command =
+      sessions->add_subcommand("release", "Lift a session's quarantine for good; what was left out enters the map");
+  AddServer(*release_command, release->server);
+  AddJson(*release_command, release->json);
+  release_command->add_flag("--yes", release->yes, "Do not ask");
+  release_command->add_option("id", release->id, "Number of the session")->required()->type_name("SESSION");
+  release_command->callback([release, &chosen] {
+    release->interactive = isatty(STDIN_FILENO) == 1;
+    chosen = [release] { return RunSessionsRelease(*release, std::cin, std::cout); };
+  });
 }
 
 void AddExport(CLI::App& app, Command& chosen) {

@@ -29,6 +29,13 @@ struct MapSummary {
   std::optional<Aabb> bounds;  ///< of the map's tiles, frame `map`; only from GetMap, absent for an empty map
 };
 
+/// The latest one of a session.
+struct QuarantineSummary {
+  int64_t since_unix_ns = 0;
+  std::string reason;
+  int64_t released_unix_ns = 0;  ///< 0 while it stands
+};
+
 struct SessionSummary {
   uint64_t id = 0;
   std::string map_name;
@@ -40,6 +47,7 @@ struct SessionSummary {
   std::optional<uint32_t> aligned_at_keyframe;
   uint64_t num_keyframes = 0;
   uint64_t num_upload_bytes = 0;
+  std::optional<QuarantineSummary> quarantine;
 };
 
 /// A keyframe that stands in the map.

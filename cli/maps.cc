@@ -1,6 +1,7 @@
 #include "cli/maps.h"
 
 #include "cli/admin_client.h"
+#include "cli/confirm.h"
 #include "cli/text_table.h"
 #include "text/json_writer.h"
 
@@ -80,21 +81,6 @@ std::string FormatText(const MapSummary& map) {
   return table.Format();
 }
 
-/// OK when the map may be deleted.
-Status Confirm(const MapsDeleteOptions& options, const MapSummary& map, std::istream& in, std::ostream& out) {
-  if (options.yes) return absl::OkStatus();
-  if (!options.interactive) {
-    return absl::FailedPreconditionError("deleting a map needs --yes when nobody can be asked");
-  }
-  out << fmt::format("Delete map {} with {} sessions, {} frames and {} points? [y/N] ", map.name, map.num_sessions,
-                     map.num_frames, map.num_points)
-      << std::flush;
-  std::string answer;
-  std::getline(in, answer);
-  if (answer == "y" || answer == "Y" || answer == "yes") return absl::OkStatus();
-  return absl::CancelledError("nothing was deleted");
-}
-
 }  // namespace
 
 Status RunMapsList(const MapsListOptions& options, std::ostream& out) {
@@ -112,7 +98,13 @@ Status RunMapsShow(const MapsShowOptions& options, std::ostream& out) {
 Status RunMapsDelete(const MapsDeleteOptions& options, std::istream& in, std::ostream& out) {
   AdminClient client(options.server);
   MAPP_ASSIGN_OR_RETURN(const MapSummary map, client.GetMap(options.name));
-  MAPP_RETURN_IF_ERROR(Confirm(options, map, in, out));
+  const Question question{.text = fmt::format("Delete map {} with {} sessions, {} frames and {} points?", map.name,
+                                              map.num_sessions, map.num_frames, map.num_points),
+                          .doing = "deleting a map",
+                          .not_done = "nothing was deleted",
+                          .yes = options.yes,
+                          .interactive = options.interactive};
+  MAPP_RETURN_IF_ERROR(Confirm(question, in, out));
   MAPP_ASSIGN_OR_RETURN(const auto deleted, client.DeleteMap(options.name, options.force));
   if (options.json) {
     JsonWriter json;

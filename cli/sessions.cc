@@ -1,8 +1,14 @@
 #include "cli/sessions.h"
 
 #include "cli/admin_client.h"
+#include "cli/confirm.h"
 #include "cli/text_table.h"
 #include "text/json_writer.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <utility>
 
 namespace mapp {
 namespace {
@@ -19,17 +25,37 @@ void AppendPose(const std::optional<Pose3>& pose, const char* key, JsonWriter& j
   json.Field("qw", q.w()).Field("qx", q.x()).Field("qy", q.y()).Field("qz", q.z()).EndObject();
 }
 
+void AppendQuarantine(const std::optional<QuarantineSummary>& quarantine, JsonWriter& json) {
+  json.Key("quarantine");
+  if (!quarantine) {
+    json.Null();
+    return;
+  }
+  json.BeginObject().Field("since_unix_ns", quarantine->since_unix_ns).Field("reason", quarantine->reason);
+  json.Field("released_unix_ns", quarantine->released_unix_ns).EndObject();
+}
+
+/// "open", "closed" or "quarantined".
+std::string StateOf(const SessionSummary& session) {
+  if (session.quarantine && session.quarantine->released_unix_ns == 0) return "quarantined";
+  return session.closed_unix_ns == 0 ? "open" : "closed";
+}
+
+void AppendSession(const SessionSummary& session, JsonWriter& json) {
+  json.BeginObject().Field("id", session.id).Field("map", session.map_name).Field("device", session.device);
+  json.Field("sensor", SensorKindName(session.sensor)).Field("state", StateOf(session));
+  json.Field("opened_unix_ns", session.opened_unix_ns).Field("closed_unix_ns", session.closed_unix_ns);
+  AppendPose(session.T_map_session, "pose_map_session", json);
+  json.Field("aligned_at_keyframe", session.aligned_at_keyframe).Field("num_keyframes", session.num_keyframes);
+  json.Field("num_upload_bytes", session.num_upload_bytes);
+  AppendQuarantine(session.quarantine, json);
+  json.EndObject();
+}
+
 std::string FormatJson(const std::vector<SessionSummary>& sessions) {
   JsonWriter json;
   json.BeginObject().Key("sessions").BeginArray();
-  for (const SessionSummary& session : sessions) {
-    json.BeginObject().Field("id", session.id).Field("map", session.map_name).Field("device", session.device);
-    json.Field("sensor", SensorKindName(session.sensor));
-    json.Field("opened_unix_ns", session.opened_unix_ns).Field("closed_unix_ns", session.closed_unix_ns);
-    AppendPose(session.T_map_session, "pose_map_session", json);
-    json.Field("aligned_at_keyframe", session.aligned_at_keyframe).Field("num_keyframes", session.num_keyframes);
-    json.Field("num_upload_bytes", session.num_upload_bytes).EndObject();
-  }
+  for (const SessionSummary& session : sessions) AppendSession(session, json);
   json.EndArray().EndObject();
   return std::move(json).Finish();
 }
@@ -39,6 +65,7 @@ std::string FormatText(const std::vector<SessionSummary>& sessions) {
                    {"map"},
                    {"device"},
                    {"sensor"},
+                   {"state"},
                    {"keyframes", Align::kRight},
                    {"uploaded", Align::kRight},
                    {"aligned at", Align::kRight},
@@ -46,11 +73,39 @@ std::string FormatText(const std::vector<SessionSummary>& sessions) {
                    {"closed (UTC)"}});
   for (const SessionSummary& session : sessions) {
     table.AddRow({std::to_string(session.id), session.map_name, session.device, SensorKindName(session.sensor),
-                  std::to_string(session.num_keyframes), FormatBytes(static_cast<double>(session.num_upload_bytes)),
+                  StateOf(session), std::to_string(session.num_keyframes),
+                  FormatBytes(static_cast<double>(session.num_upload_bytes)),
                   session.aligned_at_keyframe ? std::to_string(*session.aligned_at_keyframe) : "-",
                   FormatUnixTime(session.opened_unix_ns), FormatUnixTime(session.closed_unix_ns)});
   }
   return table.Format();
+}
+
+std::string FormatText(const SessionSummary& session) {
+  TextTable table({{"session"}, {std::to_string(session.id)}});
+  table.AddRow({"map", session.map_name});
+  table.AddRow({"device", session.device});
+  table.AddRow({"sensor", SensorKindName(session.sensor)});
+  table.AddRow({"state", StateOf(session)});
+  table.AddRow({"opened (UTC)", FormatUnixTime(session.opened_unix_ns)});
+  table.AddRow({"closed (UTC)", FormatUnixTime(session.closed_unix_ns)});
+  table.AddRow({"aligned at", session.aligned_at_keyframe ? fmt::format("keyframe {}", *session.aligned_at_keyframe)
+                                                          : std::string("not aligned")});
+  table.AddRow({"keyframes", std::to_string(session.num_keyframes)});
+  table.AddRow({"uploaded", FormatBytes(static_cast<double>(session.num_upload_bytes))});
+  if (session.quarantine) {
+    table.AddRow({"quarantined (UTC)", FormatUnixTime(session.quarantine->since_unix_ns)});
+    table.AddRow({"released (UTC)", FormatUnixTime(session.quarantine->released_unix_ns)});
+    table.AddRow({"reason", session.quarantine->reason});
+  }
+  return table.Format();
+}
+
+StatusOr<SessionSummary> FindSession(AdminClient& client, uint32_t id) {
+  MAPP_ASSIGN_OR_RETURN(std::vector<SessionSummary> sessions, client.ListSessions(""));
+  const auto found = std::ranges::find(sessions, uint64_t{id}, &SessionSummary::id);
+  if (found == sessions.end()) return absl::NotFoundError(fmt::format("session {} does not exist", id));
+  return std::move(*found);
 }
 
 }  // namespace
@@ -59,6 +114,46 @@ Status RunSessionsList(const SessionsListOptions& options, std::ostream& out) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<SessionSummary> sessions,
                         AdminClient(options.server).ListSessions(options.map_name));
   out << (options.json ? FormatJson(sessions) : FormatText(sessions));
+  return absl::OkStatus();
+}
+
+Status RunSessionsShow(const SessionsShowOptions& options, std::ostream& out) {
+  AdminClient client(options.server);
+  MAPP_ASSIGN_OR_RETURN(const SessionSummary session, FindSession(client, options.id));
+  if (!options.json) {
+    out << FormatText(session);
+    return absl::OkStatus();
+  }
+  JsonWriter json;
+  AppendSession(session, json);
+  out << std::move(json).Finish();
+  return absl::OkStatus();
+}
+
+Status RunSessionsRelease(const SessionsReleaseOptions& options, std::istream& in, std::ostream& out) {
+  AdminClient client(options.server);
+  MAPP_ASSIGN_OR_RETURN(const SessionSummary session, FindSession(client, options.id));
+  if (StateOf(session) != "quarantined") {
+    return absl::FailedPreconditionError(fmt::format("session {} is not quarantined", options.id));
+  }
+  const Question question{
+      .text =
+          fmt::format("Session {} of {} in map {} is quarantined: {}.\nRelease it for good and take in what was left "
+                      "out of the map?",
+                      session.id, session.device, session.map_name, session.quarantine->reason),
+      .doing = "releasing a session",
+      .not_done = "the session stays quarantined",
+      .yes = options.yes,
+      .interactive = options.interactive};
+  MAPP_RETURN_IF_ERROR(Confirm(question, in, out));
+  MAPP_ASSIGN_OR_RETURN(const uint64_t num_frames, client.ReleaseSession(options.id));
+  if (options.json) {
+    JsonWriter json;
+    json.BeginObject().Field("id", session.id).Field("num_frames", num_frames).EndObject();
+    out << std::move(json).Finish();
+  } else {
+    out << fmt::format("released session {}: {} frames taken into the map\n", session.id, num_frames);
+  }
   return absl::OkStatus();
 }
 

@@ -2,6 +2,7 @@
 
 #include "mapp/base/status.h"
 
+#include <istream>
 #include <ostream>
 #include <string>
 
@@ -14,5 +15,24 @@ struct SessionsListOptions {
 };
 /// `mapp sessions list`. NOT_FOUND: no such map.
 Status RunSessionsList(const SessionsListOptions& options, std::ostream& out);
+
+struct SessionsShowOptions {
+  std::string server;
+  uint32_t id = 0;
+  bool json = false;
+};
+/// `mapp sessions show`. NOT_FOUND: no such session.
+Status RunSessionsShow(const SessionsShowOptions& options, std::ostream& out);
+
+struct SessionsReleaseOptions {
+  std::string server;
+  uint32_t id = 0;
+  bool yes = false;          ///< do not ask
+  bool interactive = false;  ///< a person can answer on `in`
+  bool json = false;
+};
+/// `mapp sessions release`: lifts a quarantine. NOT_FOUND: no such session. FAILED_PRECONDITION: it is not quarantined,
+/// or nobody can be asked and `yes` is not set. CANCELLED when the answer is not yes.
+Status RunSessionsRelease(const SessionsReleaseOptions& options, std::istream& in, std::ostream& out);
 
 }  // namespace mapp
