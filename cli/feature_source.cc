@@ -22,6 +22,7 @@ class FeatureReplayDevice final : public ReplayDevice {
   }
   std::vector<DeviceFragment> fragments() const override { return device_->fragments(); }
   ParticipantStats stats() const override { return device_->participant().stats(); }
+  bool metric() const override { return true; }
   KeyframeTotals keyframe_equivalents() const override { return device_->keyframe_equivalents(); }
   LocalMappingStats local_mapping() const override { return {}; }
 

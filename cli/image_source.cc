@@ -2,8 +2,6 @@
 
 #include "mapp/base/process_usage.h"
 
-#include <fmt/format.h>
-
 #include <utility>
 
 namespace mapp {
@@ -28,6 +26,7 @@ class ImageDevice final : public ReplayDevice {
   }
   std::vector<DeviceFragment> fragments() const override { return device_->fragments(); }
   ParticipantStats stats() const override { return device_->participant().stats(); }
+  bool metric() const override { return device_->tracker().sensor() != SensorKind::kMono; }
   KeyframeTotals keyframe_equivalents() const override { return device_->keyframe_equivalents(); }
   LocalMappingStats local_mapping() const override { return device_->tracker().local_mapping(); }
 
@@ -64,11 +63,10 @@ StatusOr<std::unique_ptr<OrbTracker>> MakeTracker(const Sequence& sequence) {
     case SensorKind::kStereo:
       return OrbTracker::CreateStereo(sequence.camera(), *sequence.right_camera(), sequence.T_left_right(), {});
     case SensorKind::kMono:
-    case SensorKind::kMonoInertial:
+    case SensorKind::kMonoInertial:  // The built-in tracker leaves the inertial readings aside.
       break;
   }
-  return absl::InvalidArgumentError(fmt::format("{}: the built-in tracker needs RGB-D or stereo, the sequence is {}",
-                                                sequence.name(), SensorKindName(sequence.sensor())));
+  return OrbTracker::CreateMono(sequence.camera(), {});
 }
 
 std::unique_ptr<ReplaySource> MakeImageSource(std::unique_ptr<Sequence> sequence) {

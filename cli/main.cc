@@ -96,6 +96,8 @@ Figures, as in the JSON:
   frames_aligned          tracked frames that have a pose in the map in the end
   ate_m                   RMSE of positions after the best rigid alignment, metres,
                           of the aligned frames, else of the longest fragment
+  ate_scale               metres a unit of the session: a single camera does not tell
+                          scale, and its ate_m is after the best similarity
   ate_joint_m             the same under the alignment of the map's first session,
                           as --align-by gives it: judges the merged map)";
 

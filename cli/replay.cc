@@ -15,6 +15,7 @@
 
 #include <algorithm>
 #include <map>
+#include <set>
 
 namespace mapp {
 namespace {
@@ -22,6 +23,7 @@ namespace {
 /// The device's poses, in the map's frame where a fragment is aligned.
 struct DeviceTrajectory {
   bool in_map = false;
+  bool metric = true;                 ///< else lengths are in a unit of the fragment's own
   std::vector<TrajectoryPose> poses;  ///< T_map_camera when `in_map`, else T_session_camera
 
   std::vector<StampedPose> Stamped() const {
@@ -31,11 +33,20 @@ struct DeviceTrajectory {
   }
 };
 
-DeviceTrajectory TrajectoryOf(const std::vector<DeviceFragment>& fragments) {
-  if (auto in_map = TrajectoryInMap(fragments)) return {true, std::move(*in_map)};
+DeviceTrajectory TrajectoryOf(const std::vector<DeviceFragment>& fragments, bool metric) {
+  if (auto in_map = TrajectoryInMap(fragments)) return {true, true, std::move(*in_map)};
   // Each has a frame of its own: they cannot stand in one trajectory.
   const auto num_frames = [](const DeviceFragment& fragment) { return fragment.trajectory.size(); };
-  return {false, std::ranges::max_element(fragments, {}, num_frames)->trajectory};
+  return {false, metric, std::ranges::max_element(fragments, {}, num_frames)->trajectory};
+}
+
+/// Frames on which a tracker proved its map turn out to have been tracked only once it had.
+void MarkTracked(const std::vector<DeviceFragment>& fragments, std::vector<PlayedFrame>& frames) {
+  std::set<int64_t> tracked_ns;
+  for (const DeviceFragment& fragment : fragments) {
+    for (const TrajectoryPose& pose : fragment.trajectory) tracked_ns.insert(pose.stamp_ns);
+  }
+  for (PlayedFrame& frame : frames) frame.tracked = tracked_ns.contains(frame.stamp_ns);
 }
 
 /// The alignment of truth and map as the map's first session gives it.
@@ -61,7 +72,9 @@ void FillErrors(const ReplaySource& source, const DeviceTrajectory& trajectory, 
                 ReplayReport& report) {
   const std::vector<StampedPose>& truth = source.ground_truth();
   if (truth.empty()) return;
-  report.ate_m = RmseIfPaired(AbsoluteTrajectoryError(truth, trajectory.Stamped(), /*with_scale=*/false));
+  const auto error = AbsoluteTrajectoryError(truth, trajectory.Stamped(), /*with_scale=*/!trajectory.metric);
+  report.ate_m = RmseIfPaired(error);
+  if (error.ok() && !trajectory.metric) report.ate_scale = error->T_truth_estimate.scale;
   if (joint && trajectory.in_map) {
     report.ate_joint_m = RmseIfPaired(TrajectoryErrorUnder(*joint, truth, trajectory.Stamped()));
   }
@@ -90,7 +103,10 @@ Status WriteTrajectory(const std::string& file, const DeviceTrajectory& trajecto
   MAPP_RETURN_IF_ERROR(WriteTumTrajectory(file, trajectory.Stamped()));
   if (trajectory.in_map) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const std::string poses, ReadInput(file));
-  return WriteOutput(file, "# T_session_camera of the longest fragment: none was aligned with the map\n" + poses, out);
+  const char* const unit = trajectory.metric ? "" : "# its lengths are in a unit of its own: scale unknown\n";
+  return WriteOutput(
+      file, fmt::format("# T_session_camera of the longest fragment: none was aligned with the map\n{}{}", unit, poses),
+      out);
 }
 
 Status WriteFiles(const ReplayOptions& options, const ReplaySource& source, const ReplayReport& report,
@@ -157,7 +173,7 @@ Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const
 
   const auto start = std::chrono::steady_clock::now();
   const double cpu_before_s = GetProcessUsage().cpu_s;
-  const PlayedFrames played = Play(source, options.rate, options.patience, stop, *device);
+  PlayedFrames played = Play(source, options.rate, options.patience, stop, *device);
   Status closed = device->Close(options.patience, /*wait_for_optimization=*/true);
 
   ReplayReport report = DescribeRun(options);
@@ -173,7 +189,8 @@ Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const
   report.cpu.process_s = usage.cpu_s - cpu_before_s;
   report.peak_rss_bytes = usage.peak_rss_bytes;
   report.duration_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const DeviceTrajectory trajectory = TrajectoryOf(fragments);
+  const DeviceTrajectory trajectory = TrajectoryOf(fragments, device->metric());
+  MarkTracked(fragments, played.frames);
   FillFrames(played.frames, report);
   FillFragments(fragments, report);
   FillParticipation(*device, report);

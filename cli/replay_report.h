@@ -108,6 +108,7 @@ struct ReplayReport {
   /// Absolute trajectory error after the best rigid alignment, metres: of the frames with a pose in the map, or, when
   /// no fragment was aligned, of the longest one. Absent without ground truth.
   std::optional<double> ate_m;
+  std::optional<double> ate_scale;  ///< metres a unit of the session, where only the best alignment tells
   /// The same under the alignment of the map's first session; absent without --align-by or when never aligned.
   std::optional<double> ate_joint_m;
 

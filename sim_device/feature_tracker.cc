@@ -192,7 +192,7 @@ void FeatureTracker::Impl::AddKeyframe(SeenFrame& seen) {
   const int keyframe_idx =
       landmark_points.AddKeyframe(seen.frame, seen.landmarks, T_session_camera, seen.points, localizer.generation());
   MutexLock lock(shared.mutex);
-  Keyframe keyframe = tracker::ExportKeyframe(shared.map, keyframe_idx);
+  Keyframe keyframe = tracker::ExportKeyframe(shared.map, camera, keyframe_idx);
   keyframe.number = next_number++;
   keyframes.push_back(std::move(keyframe));
   seen.points = shared.map.keyframe(keyframe_idx).points;

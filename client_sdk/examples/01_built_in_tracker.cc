@@ -16,7 +16,7 @@ using std::chrono::seconds;
 mapp::StatusOr<std::unique_ptr<mapp::OrbTracker>> MakeTracker(const mapp::Sequence& sequence) {
   const mapp::OrbTrackerOptions options;
   if (sequence.sensor() == mapp::SensorKind::kRgbd) return mapp::OrbTracker::CreateRgbd(sequence.camera(), options);
-  if (!sequence.right_camera()) return absl::UnimplementedError("the tracker needs depth or a second camera");
+  if (!sequence.right_camera()) return mapp::OrbTracker::CreateMono(sequence.camera(), options);
   return mapp::OrbTracker::CreateStereo(sequence.camera(), *sequence.right_camera(), sequence.T_left_right(), options);
 }
 

@@ -15,7 +15,7 @@ constexpr double kFarthestShare = 3;
 
 bool HasUsableDepth(const Frame& frame, size_t feature, const TrackingCamera& camera) {
   const auto depth_m = static_cast<double>(frame.depths_m[feature]);
-  return depth_m >= kMinPointDepthM && depth_m <= camera.max_depth_m;
+  return depth_m >= camera.min_point_depth_m && depth_m <= camera.max_depth_m;
 }
 
 std::vector<size_t> FeaturesForPoints(const Frame& frame, const TrackingCamera& camera) {
@@ -26,7 +26,7 @@ std::vector<size_t> FeaturesForPoints(const Frame& frame, const TrackingCamera& 
       continue;
     }
     const auto depth_m = static_cast<double>(frame.depths_m[feature]);
-    if (depth_m >= kMinPointDepthM && depth_m <= kFarthestShare * camera.max_depth_m) far.push_back(feature);
+    if (depth_m >= camera.min_point_depth_m && depth_m <= kFarthestShare * camera.max_depth_m) far.push_back(feature);
   }
   if (chosen.size() >= kMinPoints || far.empty()) return chosen;
   const size_t num_added = std::min(kMinPoints - chosen.size(), far.size());

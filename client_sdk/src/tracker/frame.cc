@@ -28,6 +28,28 @@ StatusOr<std::unique_ptr<OrbExtractor>> MakeExtractor(const OrbTrackerOptions& o
   return OrbExtractor::Create(extractor_options);
 }
 
+class MonoFrameBuilder : public FrameBuilder {
+ public:
+  MonoFrameBuilder(const TrackingCamera& camera, std::unique_ptr<OrbExtractor> extractor)
+      : FrameBuilder(camera), extractor_(std::move(extractor)) {}
+
+  Status Validate(const TrackerFrame& images) const override {
+    return ValidateImage(images.gray, camera().recorded, "gray");
+  }
+
+  StatusOr<std::shared_ptr<const Frame>> Build(const TrackerFrame& images) override {
+    auto frame = std::make_shared<Frame>();
+    frame->stamp_ns = images.stamp_ns;
+    MAPP_ASSIGN_OR_RETURN(frame->features, extractor_->Extract(images.gray));
+    frame->depths_m.assign(frame->size(), 0);
+    FinishFrame(frame.get());
+    return frame;
+  }
+
+ private:
+  std::unique_ptr<OrbExtractor> extractor_;
+};
+
 class RgbdFrameBuilder : public FrameBuilder {
  public:
   RgbdFrameBuilder(const TrackingCamera& camera, std::unique_ptr<OrbExtractor> extractor)
@@ -109,6 +131,15 @@ void FrameBuilder::FinishFrame(Frame* frame) const {
   frame->grid = FeatureGrid(grid_points, camera_.recorded.width_px, camera_.recorded.height_px);
 }
 
+StatusOr<std::unique_ptr<FrameBuilder>> MakeMonoFrameBuilder(const Camera& camera, const OrbTrackerOptions& options) {
+  MAPP_RETURN_IF_ERROR(camera.Validate());
+  MAPP_ASSIGN_OR_RETURN(auto extractor, MakeExtractor(options));
+  // A baseline is of no use without the other camera's images.
+  Camera alone = camera;
+  alone.stereo_baseline_m = 0;
+  return std::make_unique<MonoFrameBuilder>(MakeTrackingCamera(alone, SensorKind::kMono, 0), std::move(extractor));
+}
+
 StatusOr<std::unique_ptr<FrameBuilder>> MakeRgbdFrameBuilder(const Camera& camera, const OrbTrackerOptions& options) {
   MAPP_RETURN_IF_ERROR(camera.Validate());
   MAPP_ASSIGN_OR_RETURN(auto extractor, MakeExtractor(options));
@@ -127,6 +158,13 @@ StatusOr<std::unique_ptr<FrameBuilder>> MakeStereoFrameBuilder(const Camera& lef
   const TrackingCamera camera = MakeTrackingCamera(rectifier->rectified(), SensorKind::kStereo, options.max_depth_m);
   return std::make_unique<StereoFrameBuilder>(camera, left, right, std::move(rectifier), std::move(left_extractor),
                                               std::move(right_extractor));
+}
+
+std::vector<OrbDescriptor> DescriptorsOf(const Frame& frame) {
+  std::vector<OrbDescriptor> descriptors;
+  descriptors.reserve(frame.size());
+  for (const Feature& feature : frame.features) descriptors.push_back(feature.descriptor);
+  return descriptors;
 }
 
 float LookUpDepth(ImageView<float> depth_m, const Keypoint& keypoint) {

@@ -45,10 +45,14 @@ class FrameBuilder {
   TrackingCamera camera_;
 };
 
+StatusOr<std::unique_ptr<FrameBuilder>> MakeMonoFrameBuilder(const Camera& camera, const OrbTrackerOptions& options);
 StatusOr<std::unique_ptr<FrameBuilder>> MakeRgbdFrameBuilder(const Camera& camera, const OrbTrackerOptions& options);
 StatusOr<std::unique_ptr<FrameBuilder>> MakeStereoFrameBuilder(const Camera& left, const Camera& right,
                                                                const Pose3& T_left_right,
                                                                const OrbTrackerOptions& options);
+
+/// Of the frame's features, in their order.
+std::vector<OrbDescriptor> DescriptorsOf(const Frame& frame);
 
 /// Depth at a feature of a registered depth image, metres; 0 where there is no reading at the pixel, or where its
 /// surroundings lie at another depth, so that the corner's reading may be the background's.

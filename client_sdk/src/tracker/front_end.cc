@@ -68,7 +68,8 @@ std::optional<PoseEstimate> FrontEnd::TrackFromLast(const Frame& frame) const {
 
   // The camera has moved otherwise than predicted. Where textures repeat, points enough fit a pose beside the true one;
   // looks alone find that in the whole image.
-  const PoseBound bound = PoseBound::SinceLost(last_->T_session_camera, SecondsBetween(*last_->frame, frame));
+  const PoseBound bound =
+      PoseBound::SinceLost(last_->T_session_camera, SecondsBetween(*last_->frame, frame), last_->metre);
   std::optional<PoseEstimate> found = relocalizer_.FindAmongPoints(frame, camera_.own_map, points, bound);
   if (!found) found = relocalizer_.FindAmongPoints(frame, camera_.own_map, PointsOfReferenceKeyframe(), bound);
   if (found && found->num_inliers > estimate.num_inliers) return found;
@@ -80,9 +81,11 @@ std::optional<TrackedFrame> FrontEnd::TrackLocalWindow(const std::shared_ptr<con
                                                        const PoseEstimate& estimate,
                                                        std::span<const PointView> known_points, int generation) {
   LocalWindow window;
+  double metre = 1;
   {
     MutexLock lock(shared_.mutex);
-    window = GatherLocalWindow(shared_.map, estimate.points, estimate.T_session_camera, generation);
+    metre = camera_.MetreAt(shared_.map.MedianDepth(estimate.points, estimate.T_session_camera));
+    window = GatherLocalWindow(shared_.map, estimate.points, estimate.T_session_camera, metre, generation);
   }
   // Shared points that keyframes observe are in the window already.
   std::vector<PointView> points = std::move(window.points);
@@ -98,6 +101,7 @@ std::optional<TrackedFrame> FrontEnd::TrackLocalWindow(const std::shared_ptr<con
   tracked.frame = frame;
   tracked.T_session_camera = refined.T_session_camera;
   tracked.points = std::move(refined.points);
+  tracked.metre = metre;
   tracked.reference_keyframe_idx = window.reference_keyframe_idx;
   MutexLock lock(shared_.mutex);
   SessionMap& map = shared_.map;

@@ -21,6 +21,7 @@ struct TrackedFrame {
   std::vector<int> points;  ///< per feature: the map point it is an inlier of, or kNone
   int reference_keyframe_idx = kNone;
   Pose3 T_reference_camera;  ///< relative to the reference keyframe, where there is one
+  double metre = 1;          ///< what stands for one in this view (TrackingCamera::MetreAt)
 };
 
 /// Follows the camera from frame to frame within the session's own map (and points of a shared map that are known):

@@ -8,9 +8,9 @@
 namespace mapp::tracker {
 namespace {
 
-std::optional<PointReference> MakeReference(const MapPoint& point, const Pose3& T_camera_session) {
+std::optional<PointReference> MakeReference(const MapPoint& point, const Pose3& T_camera_session, double min_depth_m) {
   const double z_m = (T_camera_session * point.view.p_session).z();
-  if (!(z_m > kMinPointDepthM)) return std::nullopt;
+  if (!(z_m > min_depth_m)) return std::nullopt;
   PointReference reference;
   reference.kind = point.server_id ? PointReference::Kind::kMapPoint : PointReference::Kind::kSessionPoint;
   reference.id = point.server_id ? point.server_id->value() : point.session_id;
@@ -20,8 +20,8 @@ std::optional<PointReference> MakeReference(const MapPoint& point, const Pose3& 
   return reference;
 }
 
-Keyframe MakeKeyframe(const SessionMap& map, const Frame& frame, const Pose3& T_session_camera,
-                      const std::vector<int>& points) {
+Keyframe MakeKeyframe(const SessionMap& map, const TrackingCamera& camera, const Frame& frame,
+                      const Pose3& T_session_camera, const std::vector<int>& points) {
   Keyframe keyframe;
   keyframe.stamp_ns = frame.stamp_ns;
   keyframe.T_frame_camera = T_session_camera;
@@ -30,21 +30,22 @@ Keyframe MakeKeyframe(const SessionMap& map, const Frame& frame, const Pose3& T_
   for (size_t feature = 0; feature < frame.size(); ++feature) {
     keyframe.features.push_back({frame.features[feature].keypoint, frame.features[feature].descriptor, std::nullopt});
     const int point_idx = points[feature] == kNone ? kNone : map.Resolve(points[feature]);
-    if (point_idx != kNone) keyframe.features.back().point = MakeReference(map.point(point_idx), T_camera_session);
+    if (point_idx != kNone)
+      keyframe.features.back().point = MakeReference(map.point(point_idx), T_camera_session, camera.min_point_depth_m);
   }
   return keyframe;
 }
 
 }  // namespace
 
-Keyframe ExportKeyframe(const SessionMap& map, int keyframe_idx) {
+Keyframe ExportKeyframe(const SessionMap& map, const TrackingCamera& camera, int keyframe_idx) {
   const MapKeyframe& keyframe = map.keyframe(keyframe_idx);
-  return MakeKeyframe(map, *keyframe.frame, keyframe.T_session_camera, keyframe.points);
+  return MakeKeyframe(map, camera, *keyframe.frame, keyframe.T_session_camera, keyframe.points);
 }
 
 Keyframe ExportFrame(SessionMap& map, const TrackingCamera& camera, const Frame& frame, const Pose3& T_session_camera,
                      const std::vector<int>& points) {
-  Keyframe keyframe = MakeKeyframe(map, frame, T_session_camera, points);
+  Keyframe keyframe = MakeKeyframe(map, camera, frame, T_session_camera, points);
   for (size_t feature = 0; feature < frame.size(); ++feature) {
     if (keyframe.features[feature].point || !HasUsableDepth(frame, feature, camera)) continue;
     PointReference reference;

@@ -8,9 +8,9 @@
 
 namespace mapp::tracker {
 
-/// The keyframe as the protocol knows it (`number` and `session` are left at 0). Points nearer than 0.05 m to the
-/// camera's plane, or behind it, are left out.
-Keyframe ExportKeyframe(const SessionMap& map, int keyframe_idx);
+/// The keyframe as the protocol knows it (`number` and `session` are left at 0). Points nearer to the camera's
+/// plane than TrackingCamera::min_point_depth_m, or behind it, are left out.
+Keyframe ExportKeyframe(const SessionMap& map, const TrackingCamera& camera, int keyframe_idx);
 
 /// The same of a frame that is not in the map. Its features with a usable depth and no point get one of their own,
 /// under a name that is not used again.

@@ -1,6 +1,7 @@
 #include "client_sdk/src/tracker/keyframe_policy.h"
 
 #include "client_sdk/src/tracker/depth_points.h"
+#include "client_sdk/src/tracker/local_window.h"
 #include "client_sdk/src/tracker/point_search.h"
 
 #include <algorithm>
@@ -42,8 +43,13 @@ void KeyframePolicy::OnKeyframe(const TrackedFrame& tracked) {
 }
 
 void KeyframePolicy::SetReference(const TrackedFrame& tracked) {
-  reference_points_ = DepthPointViews(*tracked.frame, camera_, tracked.T_session_camera, {});
   most_matches_ = 0;
+  if (camera_.metric()) {
+    reference_points_ = DepthPointViews(*tracked.frame, camera_, tracked.T_session_camera, {});
+    return;
+  }
+  MutexLock lock(shared_.mutex);
+  reference_points_ = CopyPoints(shared_.map, tracked.points);
 }
 
 int KeyframePolicy::CountReferenceMatches(const TrackedFrame& tracked) const {

@@ -11,10 +11,12 @@ namespace mapp::tracker {
 
 /// Decides when mapping needs another keyframe. On a shared map, where none is made, the same rule tells where one
 /// would have been: it asks how much of the last (would-be) keyframe's own features with depth is found again, which
-/// does not depend on the map that the pose comes from, so that both counts compare. Tracking thread only.
+/// does not depend on the map that the pose comes from, so that both counts compare. Without any depth it asks for the
+/// map points that the keyframe was tracked on. Tracking thread only.
 class KeyframePolicy {
  public:
-  KeyframePolicy(const TrackingCamera& camera, const OrbTrackerOptions& options) : camera_(camera), options_(options) {}
+  KeyframePolicy(const SharedSessionMap& shared, const TrackingCamera& camera, const OrbTrackerOptions& options)
+      : shared_(shared), camera_(camera), options_(options) {}
 
   /// Counts the frame and says whether it should be a (would-be) keyframe. The caller confirms with OnKeyframe.
   bool IsDue(const TrackedFrame& tracked, bool on_shared_map);
@@ -31,9 +33,10 @@ class KeyframePolicy {
   int CountReferenceMatches(const TrackedFrame& tracked) const;
   bool LacksClosePoints(const TrackedFrame& tracked) const;
 
+  const SharedSessionMap& shared_;
   const TrackingCamera& camera_;
   const OrbTrackerOptions& options_;
-  std::vector<PointView> reference_points_;  ///< the last keyframe's features with depth
+  std::vector<PointView> reference_points_;  ///< the last keyframe's: features with depth; mono: map points
   int most_matches_ = 0;                     ///< of them in one frame, so far
   int frames_since_keyframe_ = 0;
   int num_keyframes_ = 0;

@@ -15,8 +15,11 @@ constexpr size_t kFusionNeighbors = 8;
 /// Jobs waiting beyond which an adjustment is cut short: the next one goes on from where it stopped.
 constexpr size_t kMaxWaitingDuringAdjustment = 2;
 /// A new point must be found in a quarter of the frames that should show it, and be observed by a second keyframe once
-/// two have passed (Mur-Artal et al. 2015, section VI-B; there a third, for want of depth).
+/// two have passed (Mur-Artal et al. 2015, section VI-B).
 constexpr double kMinFoundRatio = 0.25;
+/// Without depth a point is made from two keyframes already, and needs a third, as there.
+constexpr size_t kMinObservers = 2;
+constexpr size_t kMinObserversMono = 3;
 constexpr int kProbationKeyframes = 3;
 constexpr int kMinVisibleForVerdict = 8;
 
@@ -95,7 +98,7 @@ void LocalMapper::Process(int keyframe_idx) {
   std::vector<int> neighbors;
   {
     MutexLock lock(shared_.mutex);
-    neighbors = FusionNeighbors(shared_.map, keyframe_idx, kFusionNeighbors);
+    neighbors = FusionNeighbors(shared_.map, camera_, keyframe_idx, kFusionNeighbors);
   }
   const std::vector<int> made = TriangulateWithNeighbors(shared_, camera_, keyframe_idx, neighbors);
   recent_points_.insert(recent_points_.end(), made.begin(), made.end());
@@ -115,7 +118,7 @@ void LocalMapper::Process(int keyframe_idx) {
   Keyframe finished;
   {
     MutexLock lock(shared_.mutex);
-    finished = ExportKeyframe(shared_.map, keyframe_idx);
+    finished = ExportKeyframe(shared_.map, camera_, keyframe_idx);
   }
   MutexLock lock(mutex_);
   finished.number = next_number_++;
@@ -125,6 +128,7 @@ void LocalMapper::Process(int keyframe_idx) {
 void LocalMapper::CullRecentPoints(int keyframe_idx) {
   MutexLock lock(shared_.mutex);
   SessionMap& map = shared_.map;
+  const size_t min_observers = camera_.metric() ? kMinObservers : kMinObserversMono;
   std::vector<int> still_recent;
   for (const int point_idx : recent_points_) {
     const MapPoint& point = map.point(point_idx);
@@ -132,7 +136,7 @@ void LocalMapper::CullRecentPoints(int keyframe_idx) {
     const int age = keyframe_idx - point.first_keyframe_idx;
     const bool rarely_found = point.num_visible >= kMinVisibleForVerdict &&
                               point.num_found < kMinFoundRatio * static_cast<double>(point.num_visible);
-    const bool rarely_observed = age >= 2 && point.observations.size() < 2;
+    const bool rarely_observed = age >= 2 && point.observations.size() < min_observers;
     if (rarely_found || rarely_observed) {
       map.RemovePoint(point_idx);
     } else if (age < kProbationKeyframes) {

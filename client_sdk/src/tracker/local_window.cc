@@ -40,14 +40,14 @@ class KeyframeSet {
 }  // namespace
 
 LocalWindow GatherLocalWindow(const SessionMap& map, std::span<const int> frame_points, const Pose3& T_session_camera,
-                              int generation) {
+                              double metre, int generation) {
   LocalWindow window;
   KeyframeSet gathered;
   std::vector<std::pair<int, int>> sharing = VoteForKeyframes(map, frame_points);
   if (sharing.size() > kMaxSharing) sharing.resize(kMaxSharing);
   if (!sharing.empty()) window.reference_keyframe_idx = sharing.front().first;
   for (const auto& [keyframe_idx, votes] : sharing) gathered.Add(keyframe_idx);
-  const std::vector<int> near = map.KeyframesNear(T_session_camera, kNearDistanceM, kNearAngle, generation);
+  const std::vector<int> near = map.KeyframesNear(T_session_camera, kNearDistanceM * metre, kNearAngle, generation);
   for (size_t i = 0; i < std::min(near.size(), kMaxKeyframes / 4); ++i) gathered.Add(near[i]);
   for (const auto& [keyframe_idx, votes] : sharing) {
     const auto covisible = map.CovisibleKeyframes(keyframe_idx, kMinSharedPoints);

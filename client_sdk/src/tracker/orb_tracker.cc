@@ -52,13 +52,18 @@ struct OrbTracker::Impl {
 
   TrackingResult Track(const std::shared_ptr<const tracker::Frame>& frame) {
     TrackingResult result = session->Track(frame);
+    const bool idle = session->mapper().idle();
+    if (session->failed_to_start() && idle) {
+      BeginSession();
+      result = session->Track(frame);
+    }
     const bool lost = result.state == TrackingState::kLost;
     const bool restart = restart_policy.IsDue({.stamp_ns = frame->stamp_ns,
                                                .lost = lost,
                                                .can_start = lost && session->CanStart(*frame),
                                                .num_keyframes = session->num_keyframes()});
     // Lost for long, local mapping has nothing left to do: what it has made is final.
-    if (restart && session->mapper().idle()) {
+    if (restart && idle) {
       EndFragment();
       result = session->Track(frame);
     }
@@ -67,7 +72,7 @@ struct OrbTracker::Impl {
   }
 
   void EndFragment() {
-    ended.push_back({fragment++, session->mapper().TakeFinished(), session->Trajectory()});
+    ended.push_back({fragment++, session->TakeKeyframes(), session->Trajectory()});
     ended_mapping.Add(session->mapper().latency());
     ended_mapping_cpu_s += session->mapper().cpu_s();
     BeginSession();
@@ -105,6 +110,12 @@ struct OrbTracker::Impl {
 OrbTracker::OrbTracker(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 OrbTracker::~OrbTracker() = default;
 
+StatusOr<std::unique_ptr<OrbTracker>> OrbTracker::CreateMono(const Camera& camera, const OrbTrackerOptions& options) {
+  MAPP_RETURN_IF_ERROR(options.Validate());
+  MAPP_ASSIGN_OR_RETURN(auto builder, tracker::MakeMonoFrameBuilder(camera, options));
+  return std::unique_ptr<OrbTracker>(new OrbTracker(std::make_unique<Impl>(std::move(builder), options)));
+}
+
 StatusOr<std::unique_ptr<OrbTracker>> OrbTracker::CreateRgbd(const Camera& camera, const OrbTrackerOptions& options) {
   MAPP_RETURN_IF_ERROR(options.Validate());
   MAPP_ASSIGN_OR_RETURN(auto builder, tracker::MakeRgbdFrameBuilder(camera, options));
@@ -136,7 +147,7 @@ StatusOr<TrackingResult> OrbTracker::Track(const TrackerFrame& frame) {
   return result;
 }
 
-std::vector<Keyframe> OrbTracker::TakeKeyframes() { return impl_->session->mapper().TakeFinished(); }
+std::vector<Keyframe> OrbTracker::TakeKeyframes() { return impl_->session->TakeKeyframes(); }
 
 std::vector<EndedFragment> OrbTracker::TakeEndedFragments() { return std::exchange(impl_->ended, {}); }
 

@@ -77,15 +77,17 @@ void FuseInto(SharedSessionMap& shared, const TrackingCamera& camera, const std:
 
 }  // namespace
 
-std::vector<int> FusionNeighbors(const SessionMap& map, int keyframe_idx, size_t max_neighbors) {
+std::vector<int> FusionNeighbors(const SessionMap& map, const TrackingCamera& camera, int keyframe_idx,
+                                 size_t max_neighbors) {
   std::vector<int> neighbors;
   for (const auto& [other_idx, num_shared] : map.CovisibleKeyframes(keyframe_idx, kMinSharedPoints)) {
     if (neighbors.size() < max_neighbors) neighbors.push_back(other_idx);
   }
   const MapKeyframe& keyframe = map.keyframe(keyframe_idx);
+  const double near_distance_m = kNearDistanceM * camera.MetreAt(map.MedianDepth(keyframe_idx));
   size_t num_near = 0;
   for (const int near_idx :
-       map.KeyframesNear(keyframe.T_session_camera, kNearDistanceM, kNearAngle, keyframe.generation)) {
+       map.KeyframesNear(keyframe.T_session_camera, near_distance_m, kNearAngle, keyframe.generation)) {
     if (near_idx == keyframe_idx || std::find(neighbors.begin(), neighbors.end(), near_idx) != neighbors.end()) {
       continue;
     }

@@ -14,6 +14,7 @@ void FuseWithNeighbors(SharedSessionMap& shared, const TrackingCamera& camera, i
                        const std::vector<int>& neighbors);
 
 /// Keyframes to compare with: covisible ones, and those standing nearby that look the same way.
-std::vector<int> FusionNeighbors(const SessionMap& map, int keyframe_idx, size_t max_neighbors);
+std::vector<int> FusionNeighbors(const SessionMap& map, const TrackingCamera& camera, int keyframe_idx,
+                                 size_t max_neighbors);
 
 }  // namespace mapp::tracker

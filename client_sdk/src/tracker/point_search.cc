@@ -8,7 +8,7 @@ std::optional<ProjectedPoint> ProjectPoint(const PointView& point, const Trackin
                                            const Pose3& T_session_camera, const SearchOptions& options) {
   const Eigen::Vector3d ray = point.p_session - T_session_camera.translation();
   const Eigen::Vector3d p_camera = T_session_camera.rotation().conjugate() * ray;
-  if (p_camera.z() < kMinPointDepthM) return std::nullopt;
+  if (p_camera.z() < camera.min_point_depth_m) return std::nullopt;
   const Eigen::Vector2d pixel = camera.pinhole.Project(p_camera);
   if (!camera.Contains(pixel)) return std::nullopt;
   const double distance_m = ray.norm();

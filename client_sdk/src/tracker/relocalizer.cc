@@ -18,13 +18,6 @@ constexpr double kMaxCorrectionRad = 15 * std::numbers::pi / 180;
 /// Faster than a runner; cars that park and drones indoors are slower still.
 constexpr double kMaxSpeedM_s = 5;
 
-std::vector<OrbDescriptor> DescriptorsOf(const Frame& frame) {
-  std::vector<OrbDescriptor> descriptors;
-  descriptors.reserve(frame.size());
-  for (const Feature& feature : frame.features) descriptors.push_back(feature.descriptor);
-  return descriptors;
-}
-
 std::vector<OrbDescriptor> DescriptorsOf(std::span<const PointView> points) {
   std::vector<OrbDescriptor> descriptors;
   descriptors.reserve(points.size());
@@ -43,12 +36,12 @@ std::vector<Match> MatchPoints(const Frame& frame, std::span<const PointView> po
 
 }  // namespace
 
-PoseBound PoseBound::AroundGuess(const Pose3& T_session_camera) {
-  return {T_session_camera, kMaxCorrectionM, kMaxCorrectionRad};
+PoseBound PoseBound::AroundGuess(const Pose3& T_session_camera, double metre) {
+  return {T_session_camera, metre * kMaxCorrectionM, kMaxCorrectionRad};
 }
 
-PoseBound PoseBound::SinceLost(const Pose3& T_session_camera, double elapsed_s) {
-  return {T_session_camera, kMaxCorrectionM + kMaxSpeedM_s * elapsed_s, std::numbers::pi};
+PoseBound PoseBound::SinceLost(const Pose3& T_session_camera, double elapsed_s, double metre) {
+  return {T_session_camera, metre * (kMaxCorrectionM + kMaxSpeedM_s * elapsed_s), std::numbers::pi};
 }
 
 bool PoseBound::Holds(const Pose3& T_session_camera_found) const {
@@ -80,7 +73,8 @@ std::optional<PoseEstimate> Relocalizer::FindAmongKeyframes(const Frame& frame, 
       MutexLock lock(shared.mutex);
       const MapKeyframe& keyframe = shared.map.keyframe(static_cast<int>(candidate.frame));
       points = CopyPoints(shared.map, keyframe.points);
-      window = GatherLocalWindow(shared.map, keyframe.points, keyframe.T_session_camera, keyframe.generation);
+      const double metre = camera_.MetreAt(shared.map.MedianDepth(static_cast<int>(candidate.frame)));
+      window = GatherLocalWindow(shared.map, keyframe.points, keyframe.T_session_camera, metre, keyframe.generation);
     }
     if (auto found = Verify(frame, camera_.own_map, points, window.points, bound)) return found;
   }

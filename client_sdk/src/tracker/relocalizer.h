@@ -21,9 +21,10 @@ struct PoseBound {
   double max_angle_rad = 0;
 
   /// Around the pose that the device's own tracking gives: how far a map of others may be off from the session's.
-  static PoseBound AroundGuess(const Pose3& T_session_camera);
+  /// `metre` is what stands for one (TrackingCamera::MetreAt).
+  static PoseBound AroundGuess(const Pose3& T_session_camera, double metre = 1);
   /// Around the last known pose, `elapsed_s` ago.
-  static PoseBound SinceLost(const Pose3& T_session_camera, double elapsed_s);
+  static PoseBound SinceLost(const Pose3& T_session_camera, double elapsed_s, double metre = 1);
   bool Holds(const Pose3& T_session_camera_found) const;
 };
 

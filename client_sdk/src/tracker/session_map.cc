@@ -163,6 +163,23 @@ void SessionMap::SetPointPosition(int point_idx, const Eigen::Vector3d& p_sessio
   mutable_point(point_idx).view.p_session = p_session;
 }
 
+double SessionMap::MedianDepth(std::span<const int> points, const Pose3& T_session_camera) const {
+  const Pose3 T_camera_session = T_session_camera.Inverse();
+  std::vector<double> depths;
+  for (const int tracked_idx : points) {
+    const int point_idx = tracked_idx == kNone ? kNone : Resolve(tracked_idx);
+    if (point_idx != kNone) depths.push_back((T_camera_session * point(point_idx).view.p_session).z());
+  }
+  if (depths.empty()) return 1;
+  const auto middle = depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2);
+  std::nth_element(depths.begin(), middle, depths.end());
+  return *middle;
+}
+
+double SessionMap::MedianDepth(int keyframe_idx) const {
+  return MedianDepth(keyframe(keyframe_idx).points, keyframe(keyframe_idx).T_session_camera);
+}
+
 std::vector<std::pair<int, int>> SessionMap::CovisibleKeyframes(int keyframe_idx, int min_shared) const {
   std::vector<int> num_shared(keyframes_.size(), 0);
   for (const int point_idx : keyframe(keyframe_idx).points) {

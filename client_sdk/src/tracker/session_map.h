@@ -12,6 +12,7 @@
 #include <memory>
 #include <numbers>
 #include <optional>
+#include <span>
 #include <utility>
 #include <vector>
 
@@ -23,7 +24,7 @@ inline constexpr int kNone = -1;
 /// Keyframes are neighbors when they share this many points; an edge of the covisibility graph (Mur-Artal 2015).
 inline constexpr int kMinSharedPoints = 15;
 /// Keyframes that see about the same, as they stand near and look the same way.
-inline constexpr double kNearDistanceM = 1.0;
+inline constexpr double kNearDistanceM = 1.0;  ///< or what stands for a metre
 inline constexpr double kNearAngle = 35.0 * std::numbers::pi / 180.0;
 
 /// A copy of what it takes to find a map point in an image: matching works on copies, without the map's lock.
@@ -101,6 +102,9 @@ class SessionMap {
   const MapKeyframe& keyframe(int keyframe_idx) const { return keyframes_[static_cast<size_t>(keyframe_idx)]; }
   void SetKeyframePose(int keyframe_idx, const Pose3& T_session_camera);
   void SetPointPosition(int point_idx, const Eigen::Vector3d& p_session);
+  /// Median depth of points in a camera's frame; 1 where there are none. `points` may hold kNone and fused ones.
+  double MedianDepth(std::span<const int> points, const Pose3& T_session_camera) const;
+  double MedianDepth(int keyframe_idx) const;
   int num_keyframes() const { return static_cast<int>(keyframes_.size()); }
   size_t num_point_slots() const { return points_.size(); }
   /// Keyframes sharing at least `min_shared` points with this one, most first.

@@ -18,6 +18,8 @@ constexpr double kRgbdSharedBf = 40.0;
 constexpr double kRgbdMaxDepthM = 6.0;
 /// Depths beyond 40 baselines are too uncertain for a point from one frame (Mur-Artal and Tardos 2017, section III-B).
 constexpr double kStereoMaxBaselines = 40.0;
+/// Median depth of the scenes that the thresholds in metres were chosen in: rooms, aisles, halls.
+constexpr double kTypicalDepthM = 3.0;
 
 }  // namespace
 
@@ -42,6 +44,8 @@ TrackingCamera MakeTrackingCamera(const Camera& recorded, SensorKind sensor, dou
     const double baseline_m = recorded.stereo_baseline_m;
     camera.own_map.bf_px_m = camera.shared_map.bf_px_m = camera.pinhole.fx * baseline_m;
     camera.max_depth_m = kStereoMaxBaselines * baseline_m;
+  } else if (sensor == SensorKind::kMono) {
+    camera.min_point_depth_m = kMinPointDepthMono;
   } else {
     camera.own_map.bf_px_m = kRgbdOwnBf;
     camera.own_map.chi2 = kRgbdOwnChi2;
@@ -52,5 +56,7 @@ TrackingCamera MakeTrackingCamera(const Camera& recorded, SensorKind sensor, dou
   if (max_depth_m > 0) camera.max_depth_m = max_depth_m;
   return camera;
 }
+
+double TrackingCamera::MetreAt(double median_depth) const { return metric() ? 1.0 : median_depth / kTypicalDepthM; }
 
 }  // namespace mapp::tracker

@@ -8,6 +8,8 @@ namespace mapp::tracker {
 
 /// Points nearer than this to the camera's plane, or behind it, are of no use.
 inline constexpr double kMinPointDepthM = 0.05;
+/// A camera without scale has nothing to say how near is too near, only what is at the plane itself.
+inline constexpr double kMinPointDepthMono = 1e-3;
 
 /// How far measured depths are trusted against the points of a map.
 struct DepthTrust {
@@ -26,13 +28,21 @@ struct TrackingCamera {
   DepthTrust own_map;      ///< against points that this device measured
   DepthTrust shared_map;   ///< against a server's, which other devices measured, aligned within its limits
   double max_depth_m = 0;  ///< depths beyond are not made into points at once
+  double min_point_depth_m = kMinPointDepthM;  ///< mono: in session units
+
+  /// Whether lengths are metres. A single camera does not tell them: its sessions have a unit of their own, in which
+  /// the median depth of the first view is 1.
+  bool metric() const { return sensor != SensorKind::kMono; }
+  /// What stands for a metre where the points in view are `median_depth` away (session units): 1 for metric sensors.
+  /// For mono the thresholds that are lengths shrink and grow with the scene.
+  double MetreAt(double median_depth) const;
 
   bool Contains(const Eigen::Vector2d& pixel) const {
     return (pixel.array() >= min_px.array()).all() && (pixel.array() <= max_px.array()).all();
   }
 };
 
-/// `max_depth_m` 0 picks 6 m for RGB-D and 40 baselines for stereo.
+/// `max_depth_m` 0 picks 6 m for RGB-D and 40 baselines for stereo; mono measures none.
 TrackingCamera MakeTrackingCamera(const Camera& recorded, SensorKind sensor, double max_depth_m);
 
 }  // namespace mapp::tracker

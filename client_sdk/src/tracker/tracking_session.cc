@@ -14,6 +14,9 @@ constexpr size_t kMinStartPoints = 100;
 constexpr size_t kMaxWaitingKeyframes = 3;
 /// Points that a pose found without a guess must rest on.
 constexpr int kMinRelocalizedPoints = 40;
+/// Frames that a map from two views must track in a row before anybody is told of it. A false one explains the two, not
+/// what comes after.
+constexpr int kNumProbationFrames = 8;
 
 }  // namespace
 
@@ -23,7 +26,8 @@ TrackingSession::TrackingSession(const TrackingCamera& camera, const OrbTrackerO
       relocalizer_(camera_, std::max(options.min_tracked_points, kMinRelocalizedPoints)),
       front_end_(shared_, camera_, options_, relocalizer_),
       shared_localizer_(shared_, camera_, options_),
-      keyframe_policy_(camera_, options_),
+      keyframe_policy_(shared_, camera_, options_),
+      mono_initializer_(camera_),
       mapper_(shared_, camera_, options_) {}
 
 void TrackingSession::TakeSharedMap(const SharedMap& map) {
@@ -37,17 +41,36 @@ void TrackingSession::LeaveSharedMap() {
 }
 
 TrackingResult TrackingSession::Track(const std::shared_ptr<const Frame>& frame) {
-  const TrackingResult result = state_ == TrackingState::kNotStarted ? Start(frame) : TrackStarted(frame);
+  TrackingResult result = state_ == TrackingState::kNotStarted ? Start(frame) : TrackStarted(frame);
   state_ = result.state;
   if (state_ == TrackingState::kTracking) trajectory_.Add(*front_end_.last(), result.on_shared_map);
+  if (on_probation_) Examine(&result);
   return result;
 }
 
+void TrackingSession::Examine(TrackingResult* result) {
+  num_examined_ = state_ == TrackingState::kTracking ? num_examined_ + 1 : 0;
+  on_probation_ = num_examined_ <= kNumProbationFrames;
+  if (on_probation_) *result = TrackingResult();
+}
+
+std::vector<Keyframe> TrackingSession::TakeKeyframes() {
+  if (on_probation_) return {};
+  return mapper_.TakeFinished();
+}
+
+std::vector<TrajectoryPose> TrackingSession::Trajectory() const {
+  if (on_probation_) return {};
+  return trajectory_.Compose(shared_);
+}
+
 bool TrackingSession::CanStart(const Frame& frame) const {
+  if (!camera_.metric()) return MonoInitializer::ShowsEnough(frame);
   return FeaturesForPoints(frame, camera_).size() >= kMinStartPoints;
 }
 
 TrackingResult TrackingSession::Start(const std::shared_ptr<const Frame>& frame) {
+  if (!camera_.metric()) return StartFromTwoViews(frame);
   TrackingResult result;
   if (!CanStart(*frame)) return result;
   TrackedFrame first;
@@ -61,6 +84,16 @@ TrackingResult TrackingSession::Start(const std::shared_ptr<const Frame>& frame)
   return result;
 }
 
+TrackingResult TrackingSession::StartFromTwoViews(const std::shared_ptr<const Frame>& frame) {
+  TrackingResult result;
+  const std::optional<TwoViewStart> start = mono_initializer_.Try(frame);
+  if (!start) return result;
+  InsertTwoViews(*start);
+  on_probation_ = true;
+  result.state = TrackingState::kTracking;
+  return result;
+}
+
 TrackingResult TrackingSession::TrackStarted(const std::shared_ptr<const Frame>& frame) {
   TrackingResult result;
   front_end_.Refresh();
@@ -68,9 +101,9 @@ TrackingResult TrackingSession::TrackStarted(const std::shared_ptr<const Frame>&
   if (state_ == TrackingState::kTracking) estimate = front_end_.TrackFromLast(*frame);
   const TrackedFrame& last = *front_end_.last();
   const PoseBound bound =
-      estimate ? PoseBound::AroundGuess(estimate->T_session_camera)
+      estimate ? PoseBound::AroundGuess(estimate->T_session_camera, last.metre)
                : PoseBound::SinceLost(last.T_session_camera,
-                                      1e-9 * static_cast<double>(frame->stamp_ns - last.frame->stamp_ns));
+                                      1e-9 * static_cast<double>(frame->stamp_ns - last.frame->stamp_ns), last.metre);
   if (TrackOnSharedMap(frame, estimate, bound, &result)) return result;
 
   if (!estimate) estimate = Relocalize(*frame, bound);
@@ -160,13 +193,42 @@ void TrackingSession::InsertKeyframe() {
   mapper_.ProcessKeyframe(keyframe_idx);
 }
 
+void TrackingSession::InsertTwoViews(const TwoViewStart& start) {
+  TrackedFrame second;
+  second.frame = start.second;
+  second.T_session_camera = start.T_session_second;
+  const int generation = shared_localizer_.generation();
+  int first_idx = kNone, second_idx = kNone;
+  {
+    MutexLock lock(shared_.mutex);
+    SessionMap& map = shared_.map;
+    first_idx = map.AddKeyframe(start.first, Pose3(), std::vector<int>(start.first->size(), kNone), generation);
+    second_idx = map.AddKeyframe(start.second, start.T_session_second, std::vector<int>(start.second->size(), kNone),
+                                 generation);
+    for (const TwoViewStart::Point& point : start.points) {
+      const int point_idx = map.AddPoint(point.p_session, first_idx, point.first_feature_idx);
+      map.AddObservation(point_idx, second_idx, point.second_feature_idx);
+      map.UpdateView(point_idx);
+    }
+    second.points = map.keyframe(second_idx).points;
+    second.metre = camera_.MetreAt(map.MedianDepth(second_idx));
+  }
+  front_end_.SetLast(second, /*consecutive=*/false);
+  keyframe_policy_.OnKeyframe(*front_end_.last());
+  front_end_.SetLastKeyframe(second_idx, std::move(second.points));
+  relocalizer_.AddKeyframe(first_idx, generation, *start.first);
+  relocalizer_.AddKeyframe(second_idx, generation, *start.second);
+  mapper_.ProcessKeyframe(first_idx);
+  mapper_.ProcessKeyframe(second_idx);
+}
+
 void TrackingSession::RetireGeneration(int generation) {
   relocalizer_.RetireGeneration(generation);
   mapper_.RetireGeneration(generation);
 }
 
 std::optional<Keyframe> TrackingSession::MakeKeyframeOfLastFrame() {
-  if (state_ != TrackingState::kTracking) return std::nullopt;
+  if (state_ != TrackingState::kTracking || on_probation_) return std::nullopt;
   const TrackedFrame& last = *front_end_.last();
   MutexLock lock(shared_.mutex);
   return ExportFrame(shared_.map, camera_, *last.frame, last.T_session_camera, last.points);

@@ -2,6 +2,7 @@
 
 #include "client_sdk/src/tracker/depth_points.h"
 #include "vision/matching.h"
+#include "vision/two_view.h"
 
 #include <Eigen/Geometry>
 
@@ -12,10 +13,14 @@ namespace mapp::tracker {
 namespace {
 
 constexpr double kMinParallaxCosine = 0.9998;  ///< about 1.1 degrees (Mur-Artal et al. 2015)
+/// A third of that where nothing else tells depth: what is far holds the rotation, however uncertain its depth, and
+/// must be in the map before what is near leaves the view, or scale is lost with it.
+constexpr double kMinParallaxCosineMono = 0.99998;
 constexpr double kChi2Mono = 5.991;
-constexpr double kMinDepthM = 0.1;
-/// Nearer cameras see too little parallax to be worth the matching.
-constexpr double kMinBaselineM = 0.03;
+/// Points are made no nearer than this many times the depth at which they are of any use.
+constexpr double kMinDepthShare = 2;
+/// Nearer cameras see too little parallax to be worth the matching; of what stands for a metre.
+constexpr double kMinBaseline = 0.03;
 
 struct View {
   std::shared_ptr<const Frame> frame;
@@ -44,23 +49,11 @@ std::vector<OrbDescriptor> OpenDescriptors(const View& view) {
 /// Whether the point reprojects to the feature, in front of the camera.
 bool Reprojects(const View& view, const TrackingCamera& camera, int feature_idx, const Eigen::Vector3d& p_session) {
   const Eigen::Vector3d p_camera = view.T_session_camera.Inverse() * p_session;
-  if (p_camera.z() < kMinDepthM) return false;
+  if (p_camera.z() < kMinDepthShare * camera.min_point_depth_m) return false;
   const auto feature = static_cast<size_t>(feature_idx);
   const auto sigma_px = static_cast<double>(OctaveScale(view.frame->features[feature].keypoint.octave));
   return (camera.pinhole.Project(p_camera) - view.frame->pixels[feature]).squaredNorm() <
          kChi2Mono * sigma_px * sigma_px;
-}
-
-/// Point nearest to both rays (mid-point method), or nullopt when they are nearly parallel.
-std::optional<Eigen::Vector3d> Intersect(const Eigen::Vector3d& origin_a, const Eigen::Vector3d& ray_a,
-                                         const Eigen::Vector3d& origin_b, const Eigen::Vector3d& ray_b) {
-  const double cosine = ray_a.dot(ray_b);
-  if (cosine > kMinParallaxCosine) return std::nullopt;
-  const Eigen::Vector3d baseline = origin_b - origin_a;
-  const double sine2 = 1 - cosine * cosine;
-  const double along_a = (baseline.dot(ray_a) - cosine * baseline.dot(ray_b)) / sine2;
-  const double along_b = (cosine * baseline.dot(ray_a) - baseline.dot(ray_b)) / sine2;
-  return 0.5 * (origin_a + along_a * ray_a + origin_b + along_b * ray_b);
 }
 
 std::optional<Eigen::Vector3d> Triangulate(const View& a, const View& b, const TrackingCamera& camera, int feature_a,
@@ -69,10 +62,12 @@ std::optional<Eigen::Vector3d> Triangulate(const View& a, const View& b, const T
     const Eigen::Vector3d d_camera = camera.pinhole.Unproject(view.frame->pixels[static_cast<size_t>(feature)]);
     return Eigen::Vector3d(view.T_session_camera.rotation() * d_camera.normalized());
   };
-  std::optional<Eigen::Vector3d> p_session = Intersect(a.T_session_camera.translation(), ray(a, feature_a),
-                                                       b.T_session_camera.translation(), ray(b, feature_b));
+  std::optional<Eigen::Vector3d> p_session =
+      IntersectRays(a.T_session_camera.translation(), ray(a, feature_a), b.T_session_camera.translation(),
+                    ray(b, feature_b), camera.metric() ? kMinParallaxCosine : kMinParallaxCosineMono);
   // Too far for this motion, but perhaps not for the stereo baseline: a measured depth that fits both views will do.
-  if (!p_session && static_cast<double>(a.frame->depths_m[static_cast<size_t>(feature_a)]) >= kMinPointDepthM) {
+  if (!p_session &&
+      static_cast<double>(a.frame->depths_m[static_cast<size_t>(feature_a)]) >= camera.min_point_depth_m) {
     p_session = DepthPoint(*a.frame, static_cast<size_t>(feature_a), camera, a.T_session_camera);
   }
   if (!p_session || !Reprojects(a, camera, feature_a, *p_session) || !Reprojects(b, camera, feature_b, *p_session)) {
@@ -90,12 +85,14 @@ std::vector<int> TriangulateWithNeighbors(SharedSessionMap& shared, const Tracki
   options.max_distance = 50;
   for (const int neighbor_idx : neighbors) {
     View own, other;
+    double metre = 1;
     {
       MutexLock lock(shared.mutex);
+      metre = camera.MetreAt(shared.map.MedianDepth(keyframe_idx));
       own = CopyView(shared.map, keyframe_idx);
       other = CopyView(shared.map, neighbor_idx);
     }
-    if (Distance(own.T_session_camera, other.T_session_camera) < kMinBaselineM) continue;
+    if (Distance(own.T_session_camera, other.T_session_camera) < kMinBaseline * metre) continue;
     for (const Match& match : MatchDescriptors(OpenDescriptors(own), OpenDescriptors(other), options)) {
       const int own_feature = own.open[static_cast<size_t>(match.query_idx)];
       const int other_feature = other.open[static_cast<size_t>(match.train_idx)];

@@ -83,6 +83,7 @@ TEST(ReplayReportTest, JsonHasEveryPromisedKey) {
                           "p95",
                           "local_mapping_ms_total",
                           "ate_m",
+                          "ate_scale",
                           "ate_joint_m",
                           "sampler",
                           "injection",

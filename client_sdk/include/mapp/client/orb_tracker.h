@@ -92,9 +92,9 @@ struct LocalMappingStats {
   double cpu_s = 0;        ///< CPU time; part of tracking_cpu_ms when OrbTrackerOptions::synchronous
 };
 
-/// A complete ORB front end for RGB-D and stereo (DESIGN 13): extraction, motion-model and local-map tracking,
-/// relocalisation, keyframe choice, local bundle adjustment in its own thread, localisation on a shared map with local
-/// mapping at rest. Poses are in the odometry frame `session`, which begins at the first tracked camera.
+/// A complete ORB front end for RGB-D, stereo and a single camera (DESIGN 13): extraction, motion-model and local-map
+/// tracking, relocalisation, keyframe choice, local bundle adjustment in its own thread, localisation on a shared map
+/// with local mapping at rest. Poses are in the odometry frame `session`, which begins at the first tracked camera.
 ///
 /// A tracker that has been lost for long (OrbTrackerOptions::max_search_s) begins again: with the next frame that shows
 /// enough, a new *fragment* with a map and a frame `session` of its own, whose place relative to the fragments before
@@ -112,6 +112,11 @@ struct LocalMappingStats {
 /// For stereo, `camera` of the keyframes is the rectified left camera: ask camera().
 class OrbTracker : public SlamAdapter {
  public:
+  /// One camera and no depth. Scale comes from nothing: lengths are in session units, the median depth of the first
+  /// view being 1. The first frames are kNotStarted, until the camera has moved enough for two of them to make a map
+  /// and some more to prove it; Trajectory() then has all that were tracked, the session's frame is the first of the
+  /// two.
+  static StatusOr<std::unique_ptr<OrbTracker>> CreateMono(const Camera& camera, const OrbTrackerOptions& options);
   static StatusOr<std::unique_ptr<OrbTracker>> CreateRgbd(const Camera& camera, const OrbTrackerOptions& options);
   /// `T_left_right`: pose of the right camera in the left camera's frame.
   static StatusOr<std::unique_ptr<OrbTracker>> CreateStereo(const Camera& left, const Camera& right,
