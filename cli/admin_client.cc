@@ -210,4 +210,31 @@ StatusOr<MapContent> AdminClient::ExportMap(const std::string& name) {
   return content;
 }
 
+StatusOr<MapOptimizationSummary> AdminClient::OptimizeMap(
+    const std::string& name, const std::function<void(const MapOptimizationStep&)>& on_progress,
+    const std::stop_token& stop) {
+  v1::OptimizeMapRequest request;
+  request.set_name(name);
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kBulkCallTimeout);
+  const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
+  const auto reader = impl_->stub->OptimizeMap(&context, request);
+  std::optional<MapOptimizationSummary> summary;
+  v1::OptimizeMapResponse response;
+  while (reader->Read(&response)) {
+    if (response.has_progress()) {
+      const v1::OptimizeMapResponse::Progress& step = response.progress();
+      on_progress({step.round(), step.num_frames(), step.num_points(), step.pass(), step.num_iterations()});
+    } else if (response.has_result()) {
+      const v1::OptimizeMapResponse::Result& result = response.result();
+      summary = MapOptimizationSummary{result.applied(),    result.initial_rmse_px(), result.final_rmse_px(),
+                                       result.num_frames(), result.num_points(),      result.seconds(),
+                                       result.num_rounds(), result.num_fused()};
+    }
+  }
+  MAPP_RETURN_IF_ERROR(impl_->ToStatus(reader->Finish()));
+  if (!summary) return BadAnswer(absl::DataLossError("no result"));
+  return *summary;
+}
+
 }  // namespace mapp

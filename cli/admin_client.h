@@ -3,7 +3,9 @@
 #include "cli/map_info.h"
 #include "mapp/base/status.h"
 
+#include <functional>
 #include <memory>
+#include <stop_token>
 #include <string>
 #include <utility>
 #include <vector>
@@ -29,6 +31,10 @@ class AdminClient {
   StatusOr<uint64_t> ReleaseSession(uint64_t session_id);
   /// Everything the map holds now, frames by session and number.
   StatusOr<MapContent> ExportMap(const std::string& name);
+  /// Tells `on_progress` how far the server is. CANCELLED on a stop request.
+  StatusOr<MapOptimizationSummary> OptimizeMap(const std::string& name,
+                                               const std::function<void(const MapOptimizationStep&)>& on_progress,
+                                               const std::stop_token& stop);
 
  private:
   struct Impl;

@@ -176,7 +176,7 @@ void AddReplay(CLI::App& app, Command& chosen) {
 }
 
 void AddMaps(CLI::App& app, Command& chosen) {
-  CLI::App* maps = app.add_subcommand("maps", "List, show and delete maps")->require_subcommand(1);
+  CLI::App* maps = app.add_subcommand("maps", "List, show, optimize and delete maps")->require_subcommand(1);
 
   auto list = std::make_shared<MapsListOptions>();
   CLI::App* list_command = maps->add_subcommand("list", "All maps of a server");
@@ -190,6 +190,18 @@ void AddMaps(CLI::App& app, Command& chosen) {
   AddJson(*show_command, show->json);
   show_command->add_option("name", show->name, "Name of the map")->required()->type_name("MAP");
   show_command->callback([show, &chosen] { chosen = [show] { return RunMapsShow(*show, std::cout); }; });
+
+  auto optimize = std::make_shared<MapsOptimizeOptions>();
+  CLI::App* optimize_command = maps->add_subcommand("optimize", "Adjust all of a map together and fuse what is double");
+  AddServer(*optimize_command, optimize->server);
+  AddJson(*optimize_command, optimize->json);
+  optimize_command->add_option("name", optimize->name, "Name of the map")->required()->type_name("MAP");
+  optimize_command->callback([optimize, &chosen] {
+    chosen = [optimize]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunMapsOptimize(*optimize, watcher->token(), std::cout);
+    };
+  });
 
   auto remove = std::make_shared<MapsDeleteOptions>();
   CLI::App* delete_command = maps->add_subcommand("delete", "Delete a map with everything in it");

@@ -36,6 +36,27 @@ struct QuarantineSummary {
   int64_t released_unix_ns = 0;  ///< 0 while it stands
 };
 
+/// How far the optimisation of a whole map is.
+struct MapOptimizationStep {
+  uint32_t round = 0;  ///< between rounds, points that turn out to be one are fused
+  uint32_t num_frames = 0;
+  uint32_t num_points = 0;
+  uint32_t pass = 0;  ///< 0: with all observations, 1: without those that did not fit
+  uint32_t num_iterations = 0;
+};
+
+/// What came of it.
+struct MapOptimizationSummary {
+  bool applied = false;  ///< false: the map would not have got better, and is as it was
+  double initial_rmse_px = 0;
+  double final_rmse_px = 0;
+  uint32_t num_frames = 0;
+  uint32_t num_points = 0;
+  double seconds = 0;
+  uint32_t num_rounds = 0;
+  uint32_t num_fused = 0;  ///< points that turned out to be another one
+};
+
 struct SessionSummary {
   uint64_t id = 0;
   std::string map_name;

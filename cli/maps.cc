@@ -2,6 +2,7 @@
 
 #include "cli/admin_client.h"
 #include "cli/confirm.h"
+#include "cli/progress_bar.h"
 #include "cli/text_table.h"
 #include "text/json_writer.h"
 
@@ -113,6 +114,31 @@ Status RunMapsDelete(const MapsDeleteOptions& options, std::istream& in, std::os
     out << std::move(json).Finish();
   } else {
     out << fmt::format("deleted {}: {} frames, {} points\n", options.name, deleted.first, deleted.second);
+  }
+  return absl::OkStatus();
+}
+
+Status RunMapsOptimize(const MapsOptimizeOptions& options, const std::stop_token& stop, std::ostream& out) {
+  // How many rounds it takes is known at the end: the bar tells of one.
+  ProgressBar bar(fmt::format("optimize {}", options.name), 2);
+  const auto show = [&bar](const MapOptimizationStep& step) {
+    bar.Update(step.pass, fmt::format("{} frames, {} points, round {}, pass {} of 2, iteration {}", step.num_frames,
+                                      step.num_points, step.round + 1, step.pass + 1, step.num_iterations));
+  };
+  MAPP_ASSIGN_OR_RETURN(const MapOptimizationSummary done,
+                        AdminClient(options.server).OptimizeMap(options.name, show, stop));
+  if (options.json) {
+    JsonWriter json;
+    json.BeginObject().Field("name", options.name).Field("applied", done.applied);
+    json.Field("initial_rmse_px", done.initial_rmse_px).Field("final_rmse_px", done.final_rmse_px);
+    json.Field("num_frames", uint64_t{done.num_frames}).Field("num_points", uint64_t{done.num_points});
+    json.Field("num_rounds", uint64_t{done.num_rounds}).Field("num_fused", uint64_t{done.num_fused});
+    json.Field("seconds", done.seconds).EndObject();
+    out << std::move(json).Finish();
+  } else {
+    out << fmt::format("{}: {} frames and {} points ({} fused), {:.3f} -> {:.3f} px, {} rounds in {:.1f} s{}\n",
+                       options.name, done.num_frames, done.num_points, done.num_fused, done.initial_rmse_px,
+                       done.final_rmse_px, done.num_rounds, done.seconds, done.applied ? "" : "; not adjusted");
   }
   return absl::OkStatus();
 }

@@ -4,6 +4,7 @@
 
 #include <istream>
 #include <ostream>
+#include <stop_token>
 #include <string>
 
 namespace mapp {
@@ -34,5 +35,13 @@ struct MapsDeleteOptions {
 /// `mapp maps delete`. Asks on `in` first; FAILED_PRECONDITION when nobody can answer and `yes` is not set; CANCELLED
 /// when the answer is not yes.
 Status RunMapsDelete(const MapsDeleteOptions& options, std::istream& in, std::ostream& out);
+
+struct MapsOptimizeOptions {
+  std::string server;
+  std::string name;
+  bool json = false;
+};
+/// `mapp maps optimize`. CANCELLED on a stop request, NOT_FOUND: no such map.
+Status RunMapsOptimize(const MapsOptimizeOptions& options, const std::stop_token& stop, std::ostream& out);
 
 }  // namespace mapp

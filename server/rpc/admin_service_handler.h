@@ -36,6 +36,8 @@ class AdminServiceHandler final : public v1::AdminService::Service {
                               v1::ReleaseSessionResponse* response) override;
   grpc::Status ExportMap(grpc::ServerContext* context, const v1::ExportMapRequest* request,
                          grpc::ServerWriter<v1::ExportMapResponse>* writer) override;
+  grpc::Status OptimizeMap(grpc::ServerContext* context, const v1::OptimizeMapRequest* request,
+                           grpc::ServerWriter<v1::OptimizeMapResponse>* writer) override;
 
  private:
   MapService& service_;

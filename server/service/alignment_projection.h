@@ -65,7 +65,7 @@ std::vector<ExpectedPoint> ExpectedPoints(const QueryKeyframe& query, std::span<
                                           const Pose3& T_map_camera);
 
 /// Live map points seen by frames of the map that look at about the same place as a camera at `T_map_camera`: the
-/// nearest such frames of other sessions than `besides`, a bounded number of them.
+/// nearest such frames of other sessions than `besides` (SessionId(): of all), a bounded number of them.
 StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, SessionId besides,
                                                   const Pose3& T_map_camera);
 

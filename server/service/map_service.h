@@ -68,6 +68,10 @@ class MapService {
                    const std::function<Status(const MapRecord&, const std::vector<FrameRecord>&)>& on_frames,
                    const std::function<Status(const std::vector<PointRecord>&)>& on_points);
 
+  /// Optimizer::OptimizeMap of the map of this name.
+  StatusOr<MapOptimizationFinished> OptimizeMap(const CallContext& context, const std::string& name,
+                                                const MapOptimizationObserver& on_progress);
+
   /// Since the service was created.
   std::vector<StepFigures> StepTimesSoFar() const;
 

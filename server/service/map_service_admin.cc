@@ -79,6 +79,12 @@ Status MapService::ExportMap(const CallContext& context, const std::string& name
   return absl::OkStatus();
 }
 
+StatusOr<MapOptimizationFinished> MapService::OptimizeMap(const CallContext& context, const std::string& name,
+                                                          const MapOptimizationObserver& on_progress) {
+  MAPP_ASSIGN_OR_RETURN(const MapRecord map, GetMap(context, name));
+  return impl_->optimizer.OptimizeMap(context, map.id, on_progress);
+}
+
 std::vector<StepFigures> MapService::StepTimesSoFar() const { return impl_->step_times.Snapshot(); }
 
 }  // namespace mapp

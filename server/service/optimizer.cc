@@ -1,5 +1,6 @@
 #include "server/service/optimizer.h"
 
+#include "server/service/duplicate_points.h"
 #include "server/service/optimizer_commit.h"
 #include "server/service/optimizer_region.h"
 #include "server/service/serial_worker.h"
@@ -17,8 +18,10 @@ namespace {
 /// Closed sessions that may wait; what does not fit stays owed and is taken up after the next start.
 constexpr size_t kMaxWaitingSessions = 1024;
 /// A frame that moved further than this was not refined but torn away: the result is dropped.
-constexpr double kMaxMotionM = 0.5;
-constexpr double kMaxTurnRad = 10.0 * std::numbers::pi / 180.0;
+constexpr double kMaxFrameMotionM = 0.5;
+/// Fusing fewer of a map's points than this is not worth another round of adjusting them all.
+constexpr double kMinFusedShare = 0.005;
+constexpr double kMaxFrameTurnRad = 10.0 * std::numbers::pi / 180.0;
 
 using Clock = std::chrono::steady_clock;
 
@@ -27,16 +30,23 @@ double SecondsSince(Clock::time_point start) { return std::chrono::duration<doub
 bool IsPlausible(const BundleProblem& before, const BundleProblem& after) {
   for (size_t i = 0; i < before.frames.size(); ++i) {
     const Pose3& moved = after.frames[i].T_world_camera;
-    if (!moved.IsFinite() || Distance(before.frames[i].T_world_camera, moved) > kMaxMotionM ||
-        RotationAngle(before.frames[i].T_world_camera, moved) > kMaxTurnRad) {
+    if (!moved.IsFinite() || Distance(before.frames[i].T_world_camera, moved) > kMaxFrameMotionM ||
+        RotationAngle(before.frames[i].T_world_camera, moved) > kMaxFrameTurnRad) {
       return false;
     }
   }
   return true;
 }
 
+/// Called after every iteration with the pass, the iterations of it so far and the cost. May be empty.
+using PassObserver = std::function<void(uint32_t, uint32_t, double)>;
+
 /// Adjusts, leaves out what did not fit, and adjusts again. Per observation, whether it was left out in the end.
-StatusOr<std::vector<bool>> AdjustTwice(BundleProblem& problem, BundleOptions options) {
+StatusOr<std::vector<bool>> AdjustTwice(BundleProblem& problem, BundleOptions options, const PassObserver& on_pass) {
+  uint32_t pass = 0;
+  if (on_pass) {
+    options.on_iteration = [&](int iteration, double cost) { on_pass(pass, static_cast<uint32_t>(iteration), cost); };
+  }
   const Clock::time_point start = Clock::now();
   MAPP_ASSIGN_OR_RETURN(const BundleResult first, AdjustBundle(problem, options));
   std::vector<bool> outliers = first.outliers;
@@ -51,6 +61,7 @@ StatusOr<std::vector<bool>> AdjustTwice(BundleProblem& problem, BundleOptions op
   }
   options.max_seconds -= SecondsSince(start);
   if (fitting.observations.empty() || options.max_seconds <= 0) return outliers;
+  pass = 1;
   MAPP_ASSIGN_OR_RETURN(const BundleResult second, AdjustBundle(fitting, options));
   for (size_t i = 0; i < fitting_indices.size(); ++i) {
     if (second.outliers[i]) outliers[fitting_indices[i]] = true;
@@ -72,9 +83,17 @@ struct Optimizer::Impl {
 
   void RunQueued(SessionId session);
   StatusOr<OptimizationFinished> Optimize(const CallContext& context, SessionId session);
-  /// One stretch of the session's frames; adds its figures to `finished`.
-  Status OptimizeStretch(const CallContext& context, std::span<const FrameRecord> frames, double max_seconds,
-                         OptimizationFinished& finished);
+  StatusOr<MapOptimizationFinished> OptimizeMap(const CallContext& context, MapId map,
+                                                const MapOptimizationObserver& on_progress);
+  /// One round of it, within `limits`.
+  Status OptimizeAll(const CallContext& context, MapId map, OptimizerOptions limits,
+                     const MapOptimizationObserver& on_progress, OptimizationFinished& finished);
+  /// How many points turned out to be another one.
+  StatusOr<uint32_t> FuseDuplicates(const CallContext& context, MapId map);
+  /// Adjusts what is around these frames within `limits`; adds its figures to `finished`. ABORTED as Commit.
+  Status OptimizeAround(const CallContext& context, std::span<const FrameRecord> frames, const OptimizerOptions& limits,
+                        const MapOptimizationObserver& on_progress, OptimizationFinished& finished);
+  /// ABORTED when a frame of the region was moved or taken out of the map meanwhile.
   Status Commit(const CallContext& context, const OptimizerRegion& region, const BundleProblem& adjusted,
                 const std::vector<bool>& outliers);
   Status RecordOptimized(const CallContext& context, SessionId session);
@@ -107,36 +126,43 @@ Status Optimizer::Impl::Commit(const CallContext& context, const OptimizerRegion
       });
 }
 
-Status Optimizer::Impl::OptimizeStretch(const CallContext& context, std::span<const FrameRecord> frames,
-                                        double max_seconds, OptimizationFinished& finished) {
+Status Optimizer::Impl::OptimizeAround(const CallContext& context, std::span<const FrameRecord> frames,
+                                       const OptimizerOptions& limits, const MapOptimizationObserver& on_progress,
+                                       OptimizationFinished& finished) {
   OptimizerRegion region;
   {
     MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
-    MAPP_ASSIGN_OR_RETURN(region, LoadOptimizerRegion(context, *reader, frames, options));
+    MAPP_ASSIGN_OR_RETURN(region, LoadOptimizerRegion(context, *reader, frames, limits));
   }
-  if (region.num_free_frames() == 0) return absl::OkStatus();
+  const auto num_free = static_cast<uint32_t>(region.num_free_frames());
+  const auto num_points = static_cast<uint32_t>(region.points.size());
+  PassObserver on_pass;
+  if (on_progress) {
+    on_progress({.num_frames = num_free, .num_points = num_points});
+    on_pass = [&](uint32_t pass, uint32_t iteration, double cost) {
+      on_progress(
+          {.num_frames = num_free, .num_points = num_points, .pass = pass, .num_iterations = iteration, .cost = cost});
+    };
+  }
+  if (num_free == 0) return absl::OkStatus();
 
   BundleProblem adjusted = region.problem;
-  const BundleOptions bundle_options{.max_iterations = options.max_iterations,
-                                     .num_threads = options.num_threads,
-                                     .max_seconds = max_seconds,
+  const BundleOptions bundle_options{.max_iterations = limits.max_iterations,
+                                     .num_threads = limits.num_threads,
+                                     .max_seconds = limits.max_seconds,
                                      .is_cancelled = [&context] { return !context.Check().ok(); },
                                      .on_iteration = {}};
-  MAPP_ASSIGN_OR_RETURN(const std::vector<bool> outliers, AdjustTwice(adjusted, bundle_options));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<bool> outliers, AdjustTwice(adjusted, bundle_options, on_pass));
   MAPP_RETURN_IF_ERROR(context.Check());
 
   const double before_px = ReprojectionRmse(region.problem);
   const double after_px = ReprojectionRmse(adjusted);
   finished.initial_rmse_px = std::max(finished.initial_rmse_px, before_px);
   finished.final_rmse_px = std::max(finished.final_rmse_px, after_px);
-  finished.num_frames += static_cast<uint32_t>(region.num_free_frames());
-  finished.num_points += static_cast<uint32_t>(region.points.size());
+  finished.num_frames += num_free;
+  finished.num_points += num_points;
   if (after_px >= before_px || !IsPlausible(region.problem, adjusted)) return absl::OkStatus();
-
-  const Status status = Commit(context, region, adjusted, outliers);
-  // Somebody else moved these frames: their word is newer than this snapshot's.
-  if (absl::IsAborted(status)) return absl::OkStatus();
-  MAPP_RETURN_IF_ERROR(status);
+  MAPP_RETURN_IF_ERROR(Commit(context, region, adjusted, outliers));
   finished.applied = true;
   return absl::OkStatus();
 }
@@ -168,13 +194,80 @@ StatusOr<OptimizationFinished> Optimizer::Impl::Optimize(const CallContext& cont
     if (seconds_left <= 0) break;
     const std::span<const FrameRecord> part =
         std::span(frames).subspan(first, std::min(stretch, frames.size() - first));
-    MAPP_RETURN_IF_ERROR(OptimizeStretch(context, part, seconds_left, finished));
+    OptimizerOptions limits = options;
+    limits.max_seconds = seconds_left;
+    const Status status = OptimizeAround(context, part, limits, {}, finished);
+    // ABORTED: somebody else moved these frames, and their word is newer than this snapshot's.
+    if (!absl::IsAborted(status)) MAPP_RETURN_IF_ERROR(status);
   }
   MAPP_RETURN_IF_ERROR(RecordOptimized(context, session));
   finished.seconds = SecondsSince(start);
   if (options.step_times != nullptr) options.step_times->Add(ServiceStep::kOptimization, Clock::now() - start);
   events.Publish(session, finished);
   return finished;
+}
+
+Status Optimizer::Impl::OptimizeAll(const CallContext& context, MapId map, OptimizerOptions limits,
+                                    const MapOptimizationObserver& on_progress, OptimizationFinished& finished) {
+  std::vector<FrameRecord> frames;
+  {
+    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
+    MAPP_RETURN_IF_ERROR(reader->GetMap(map).status());
+    MAPP_ASSIGN_OR_RETURN(frames, reader->ListFrames(map, std::nullopt));
+  }
+  std::erase_if(frames, [](const FrameRecord& frame) { return !frame.in_map; });
+  limits.max_free_frames = static_cast<int>(frames.size());
+  return OptimizeAround(context, frames, limits, on_progress, finished);
+}
+
+StatusOr<uint32_t> Optimizer::Impl::FuseDuplicates(const CallContext& context, MapId map) {
+  PointFusions fusions;
+  {
+    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
+    MAPP_ASSIGN_OR_RETURN(fusions, FindDuplicatePoints(context, *reader, map));
+  }
+  if (fusions.empty()) return 0;
+  DuplicateFusion fusion(map, fusions);
+  MAPP_RETURN_IF_ERROR(store.Write(
+      context, [&fusion](MapWriter& writer) { return fusion.Run(writer); },
+      [&] {
+        tiles.Invalidate(map, fusion.touched_tiles());
+        events.PublishToMap(map, TilesChanged{.keys = fusion.touched_tiles(), .revision = fusion.revision()});
+      }));
+  return fusion.num_fused();
+}
+
+StatusOr<MapOptimizationFinished> Optimizer::Impl::OptimizeMap(const CallContext& context, MapId map,
+                                                               const MapOptimizationObserver& on_progress) {
+  const MutexLock lock(run_mutex);
+  const Clock::time_point start = Clock::now();
+  OptimizerOptions limits = options;
+  limits.max_iterations = options.max_map_iterations;
+  MapOptimizationFinished all;
+  for (int round = 0; round < options.max_map_rounds; ++round) {
+    if (round > 0) {
+      MAPP_ASSIGN_OR_RETURN(const uint32_t num_fused, FuseDuplicates(context, map));
+      all.num_fused += num_fused;
+      if (num_fused < kMinFusedShare * all.adjustment.num_points) break;
+    }
+    limits.max_seconds = options.max_map_seconds - SecondsSince(start);
+    if (limits.max_seconds <= 0) break;
+    MapOptimizationObserver tell;
+    if (on_progress) {
+      tell = [&](MapOptimizationProgress progress) {
+        progress.round = static_cast<uint32_t>(round);
+        on_progress(progress);
+      };
+    }
+    OptimizationFinished one;
+    MAPP_RETURN_IF_ERROR(OptimizeAll(context, map, limits, tell, one));
+    ++all.num_rounds;
+    one.applied |= all.adjustment.applied;
+    if (round > 0) one.initial_rmse_px = all.adjustment.initial_rmse_px;
+    all.adjustment = one;
+  }
+  all.adjustment.seconds = SecondsSince(start);
+  return all;
 }
 
 void Optimizer::Impl::RunQueued(SessionId session) {
@@ -202,6 +295,11 @@ Status Optimizer::ResumeOwed() {
 
 StatusOr<OptimizationFinished> Optimizer::OptimizeSession(const CallContext& context, SessionId session) {
   return impl_->Optimize(impl_->Stoppable(context), session);
+}
+
+StatusOr<MapOptimizationFinished> Optimizer::OptimizeMap(const CallContext& context, MapId map,
+                                                         const MapOptimizationObserver& on_progress) {
+  return impl_->OptimizeMap(impl_->Stoppable(context), map, on_progress);
 }
 
 void Optimizer::Shutdown() {

@@ -4,6 +4,7 @@
 #include "mapp/base/id.h"
 #include "server/service/session_events.h"
 
+#include <cstdint>
 #include <functional>
 #include <memory>
 
@@ -17,6 +18,10 @@ struct OptimizerOptions {
   int max_iterations = 20;
   int num_threads = 2;
   double max_seconds = 60;
+  /// The same for a whole map, which only an operator asks for.
+  int max_map_iterations = 50;
+  double max_map_seconds = 600;
+  int max_map_rounds = 4;
   /// Free frames beyond the session's own: those sharing at least this many points with it.
   int min_shared_points = 15;
   /// The bound of the work (DESIGN 8): a longer session is optimised in stretches of half as many of its frames.
@@ -27,6 +32,24 @@ struct OptimizerOptions {
   /// Told how long each run took. Borrowed; may be null.
   StepTimes* step_times = nullptr;
 };
+
+/// What came of the optimisation of a whole map.
+struct MapOptimizationFinished {
+  OptimizationFinished adjustment;  ///< over all rounds
+  uint32_t num_rounds = 0;
+  uint32_t num_fused = 0;  ///< points that turned out to be another one
+};
+
+/// How far the optimisation of a whole map has come.
+struct MapOptimizationProgress {
+  uint32_t round = 0;       ///< of adjusting; between rounds, points that turn out to be one are fused
+  uint32_t num_frames = 0;  ///< that are adjusted
+  uint32_t num_points = 0;
+  uint32_t pass = 0;  ///< 0: with all observations, 1: without those that did not fit
+  uint32_t num_iterations = 0;
+  double cost = 0;  ///< half the sum of the robustified squared residuals
+};
+using MapOptimizationObserver = std::function<void(const MapOptimizationProgress&)>;
 
 /// Bounded bundle adjustment around what a session brought (DESIGN 8), in a thread of its own: on a snapshot, while the
 /// service answers; a result that made the residuals worse is dropped. Thread-safe.
@@ -43,6 +66,13 @@ class Optimizer {
   /// NOT_FOUND: no such session, or deleted meanwhile. CANCELLED or DEADLINE_EXCEEDED of `context`, or on Shutdown:
   /// the optimisation is then still owed.
   StatusOr<OptimizationFinished> OptimizeSession(const CallContext& context, SessionId session);
+  /// Adjusts all frames and points of a map together, fuses points that turn out to be one, and adjusts again while
+  /// that finds more; on the caller's thread; waits for an optimisation that is under way. Tells `on_progress` (may be
+  /// empty) in each round once what there is to adjust is known, and after every iteration. A round that would make the
+  /// map worse is not applied. NOT_FOUND: no such map. CANCELLED or DEADLINE_EXCEEDED of `context`, or on Shutdown: the
+  /// map is as the round before left it. ABORTED: a frame was moved or taken out of the map meanwhile; ask again.
+  StatusOr<MapOptimizationFinished> OptimizeMap(const CallContext& context, MapId map,
+                                                const MapOptimizationObserver& on_progress);
   /// Cancels the work in hand and ends the thread. Idempotent.
   void Shutdown();
 

@@ -242,6 +242,41 @@ TEST_F(RpcTest, ExportStreamsFramesAndPoints) {
   EXPECT_EQ(num_points, map.num_points());
 }
 
+TEST_F(RpcTest, AMapIsOptimizedOnCommand) {
+  const SessionId session = Open();
+  const Pose3 start = testing::SyntheticWorld::Stand(0, -2, 0);
+  for (uint32_t i = 0; i < 4; ++i) {
+    Keyframe keyframe = View(testing::SyntheticWorld::Stand(0.1 * i, -2, 0), start, session, i);
+    if (i > 0) keyframe.T_frame_camera = Pose3(Eigen::Quaterniond::Identity(), {0.02, 0, 0}) * keyframe.T_frame_camera;
+    v1::UploadPartialKeyframeResponse uploaded;
+    ASSERT_TRUE(Upload(keyframe, uploaded).ok());
+  }
+  v1::OptimizeMapRequest request;
+  request.set_name("room");
+  v1::OptimizeMapResponse message;
+  size_t num_progress = 0;
+  {
+    grpc::ClientContext context;
+    SetDeadline(context);
+    const auto reader = admin_service().OptimizeMap(&context, request);
+    while (reader->Read(&message)) num_progress += message.has_progress() ? 1 : 0;
+    const grpc::Status status = reader->Finish();
+    ASSERT_TRUE(status.ok()) << status.error_message();
+  }
+  EXPECT_GT(num_progress, 1U);
+  ASSERT_TRUE(message.has_result()) << "it comes last";
+  EXPECT_TRUE(message.result().applied());
+  EXPECT_EQ(message.result().num_frames(), 3U) << "the first holds the map's frame";
+  EXPECT_LT(message.result().final_rmse_px(), message.result().initial_rmse_px());
+
+  request.set_name("attic");
+  grpc::ClientContext context;
+  SetDeadline(context);
+  const auto reader = admin_service().OptimizeMap(&context, request);
+  EXPECT_FALSE(reader->Read(&message));
+  EXPECT_EQ(reader->Finish().error_code(), grpc::StatusCode::NOT_FOUND);
+}
+
 TEST_F(RpcTest, MapsAreListedShownAndDeleted) {
   const SessionId session = Open("hall");
   const Pose3 stand = testing::SyntheticWorld::Stand(0, -2, 0);

@@ -1,5 +1,6 @@
 #include "server/service/merger.h"
 
+#include "server/service/duplicate_points.h"
 #include "tests/unit/server/registration/map_fixture.h"
 #include "tests/unit/server/registration/synthetic_room.h"
 
@@ -107,6 +108,52 @@ TEST_F(MergerTest, LeavesOutTargetsRetiredMeanwhile) {
   const auto points = fixture_.Read()->GetPoints(std::span(&kept, 1));
   ASSERT_TRUE(points.ok()) << points.status();
   EXPECT_TRUE(points->front().in_map);
+}
+
+TEST_F(MergerTest, WhatWasNotFusedIsFoundInTheMap) {
+  ASSERT_TRUE(Merge({}).ok());
+  const auto reader = fixture_.Read();
+  const auto fusions = FindDuplicatePoints({}, *reader, fixture_.map());
+  ASSERT_TRUE(fusions.ok()) << fusions.status();
+  ASSERT_GT(fusions->size(), 200U);
+  size_t num_right = 0;
+  for (const auto& [point, target] : *fusions) {
+    EXPECT_FALSE(fusions->contains(target)) << "a point that goes cannot take another's place";
+    const auto points = reader->GetPoints(std::vector<MapPointId>{point, target});
+    ASSERT_TRUE(points.ok()) << points.status();
+    if ((*points)[0].session_point == (*points)[1].session_point) ++num_right;
+  }
+  EXPECT_GT(static_cast<double>(num_right), 0.99 * static_cast<double>(fusions->size()));
+}
+
+TEST_F(MergerTest, DuplicatesBecomeOnePointThatTheFramesOfBothSee) {
+  ASSERT_TRUE(Merge({}).ok());
+  const auto fusions = FindDuplicatePoints({}, *fixture_.Read(), fixture_.map());
+  ASSERT_TRUE(fusions.ok()) << fusions.status();
+  std::vector<std::vector<Observation>> before;
+  const std::vector<FrameRecord> frames = fixture_.Frames(session_);
+  for (const FrameRecord& frame : frames) before.push_back(*fixture_.Read()->GetObservations(frame.id));
+
+  DuplicateFusion fusion(fixture_.map(), *fusions);
+  const Status fused = fixture_.store().Write({}, [&fusion](MapWriter& writer) { return fusion.Run(writer); });
+  ASSERT_TRUE(fused.ok()) << fused;
+  EXPECT_EQ(fusion.num_fused(), fusions->size());
+  EXPECT_FALSE(fusion.touched_tiles().empty());
+
+  const auto reader = fixture_.Read();
+  for (size_t i = 0; i < frames.size(); ++i) {
+    const auto after = reader->GetObservations(frames[i].id);
+    ASSERT_TRUE(after.ok()) << after.status();
+    ASSERT_EQ(after->size(), before[i].size());
+    for (size_t k = 0; k < before[i].size(); ++k) {
+      const auto fused_into = fusions->find(before[i][k].point);
+      EXPECT_EQ((*after)[k].feature_idx, before[i][k].feature_idx);
+      EXPECT_EQ((*after)[k].point, fused_into == fusions->end() ? before[i][k].point : fused_into->second);
+    }
+  }
+  const auto again = FindDuplicatePoints({}, *reader, fixture_.map());
+  ASSERT_TRUE(again.ok()) << again.status();
+  EXPECT_LT(again->size(), fusions->size() / 20);
 }
 
 }  // namespace

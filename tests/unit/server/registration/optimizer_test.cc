@@ -161,6 +161,44 @@ TEST_F(OptimizerTest, CancelledWorkChangesNothingAndStaysOwed) {
   EXPECT_FALSE(fixture_.Session(session).optimized);
 }
 
+TEST_F(OptimizerTest, AWholeMapIsAdjustedAtOnceAndTellsHowFarItIs) {
+  OptimizerOptions options;
+  options.max_free_frames = 4;  // bounds what a session's optimisation may touch, not this
+  StartOptimizer(options);
+  const SessionId session = Walk(12, 0.03);
+  const double before_m = PoseRmseM(session);
+  std::vector<MapOptimizationProgress> told;
+  const auto finished =
+      optimizer_->OptimizeMap({}, fixture_.map(), [&told](const auto& progress) { told.push_back(progress); });
+  ASSERT_TRUE(finished.ok()) << finished.status();
+  EXPECT_TRUE(finished->adjustment.applied);
+  EXPECT_EQ(finished->adjustment.num_frames, 11U) << "the first frame holds the gauge";
+  EXPECT_LT(finished->adjustment.final_rmse_px, 1.0);
+  EXPECT_LT(PoseRmseM(session), 0.2 * before_m);
+  ASSERT_GT(told.size(), 3U);
+  EXPECT_EQ(told.front().num_iterations, 0U);
+  EXPECT_EQ(told.front().num_frames, 11U);
+  EXPECT_EQ(told.back().pass, 1U);
+  EXPECT_LT(told.back().cost, told[1].cost);
+}
+
+TEST_F(OptimizerTest, AWholeMapsOptimizationIsCancelledInItsMidst) {
+  const SessionId session = Walk(8, 0.03);
+  const double before_m = PoseRmseM(session);
+  bool adjusting = false;
+  CallContext context;
+  context.is_cancelled = [&adjusting] { return adjusting; };
+  const auto finished = optimizer_->OptimizeMap(
+      context, fixture_.map(), [&adjusting](const auto& progress) { adjusting = progress.num_iterations >= 1; });
+  EXPECT_EQ(finished.status().code(), absl::StatusCode::kCancelled);
+  EXPECT_TRUE(adjusting);
+  EXPECT_EQ(PoseRmseM(session), before_m);
+}
+
+TEST_F(OptimizerTest, UnknownMapIsNotFound) {
+  EXPECT_EQ(optimizer_->OptimizeMap({}, MapId(77), {}).status().code(), absl::StatusCode::kNotFound);
+}
+
 TEST_F(OptimizerTest, UnknownSessionIsNotFound) {
   EXPECT_EQ(optimizer_->OptimizeSession({}, SessionId(77)).status().code(), absl::StatusCode::kNotFound);
 }
