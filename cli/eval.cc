@@ -22,8 +22,9 @@ namespace {
 namespace fs = std::filesystem;
 
 /// The experiments of these names, or all, in the paper's order; those that measure in none of `settings` are left out.
+/// "all" leaves out those that need a recording where none is given; asked for by name they are refused.
 StatusOr<std::vector<Experiment>> Choose(const std::vector<std::string>& names,
-                                         const std::vector<std::string>& settings) {
+                                         const std::vector<std::string>& settings, bool has_recording) {
   std::vector<std::string> known = {"all"};
   for (const Experiment& experiment : Experiments()) known.push_back(experiment.name);
   for (const std::string& name : names) {
@@ -32,10 +33,16 @@ StatusOr<std::vector<Experiment>> Choose(const std::vector<std::string>& names,
   }
   std::vector<Experiment> chosen;
   for (const Experiment& experiment : Experiments()) {
-    const bool is_named = std::ranges::count(names, experiment.name) + std::ranges::count(names, "all") > 0;
+    const bool is_named = std::ranges::count(names, experiment.name) > 0;
+    if (experiment.needs_recording && !has_recording) {
+      if (!is_named) continue;
+      return absl::InvalidArgumentError(
+          fmt::format("{}: needs a recorded sequence, --recorded FOLDER", experiment.name));
+    }
+    const bool is_wanted = is_named || std::ranges::count(names, "all") > 0;
     const bool is_in_setting =
         settings.empty() || std::ranges::find_first_of(experiment.settings, settings) != experiment.settings.end();
-    if (is_named && is_in_setting) chosen.push_back(experiment);
+    if (is_wanted && is_in_setting) chosen.push_back(experiment);
   }
   if (!chosen.empty()) return chosen;
   return absl::InvalidArgumentError(
@@ -131,8 +138,12 @@ Status RunExperiments(const EvalOptions& options, const std::vector<Experiment>&
     return features.Play(run, stop_run);
   };
   Lab lab(lab_options, stop);
-  EvalContext context{lab, options.quick ? Scale::kQuick : Scale::kFull, options.seed, options.flights,
-                      options.settings};
+  EvalContext context{lab,
+                      options.quick ? Scale::kQuick : Scale::kFull,
+                      options.seed,
+                      options.flights,
+                      options.settings,
+                      options.recorded};
   for (; num_done < experiments.size(); ++num_done) {
     const Experiment& experiment = experiments[num_done];
     const auto start = std::chrono::steady_clock::now();
@@ -163,7 +174,8 @@ std::string ListExperiments() {
 }
 
 Status RunEval(const EvalOptions& options, const std::stop_token& stop, std::ostream& out) {
-  MAPP_ASSIGN_OR_RETURN(const std::vector<Experiment> experiments, Choose(options.experiments, options.settings));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<Experiment> experiments,
+                        Choose(options.experiments, options.settings, !options.recorded.empty()));
   std::error_code ignored;  // what cannot be looked at is not there; Open says what is wrong
   const bool was_there = fs::exists(options.out, ignored);
   MAPP_ASSIGN_OR_RETURN(ReportFolder folder, ReportFolder::Open(options.out, HeaderOf(options)));

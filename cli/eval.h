@@ -17,6 +17,7 @@ struct EvalOptions {
   uint64_t seed = 1;
   std::string out;
   std::vector<std::string> flights;  ///< TUM files, T_world_camera; flown at full scale
+  std::string recorded;              ///< folder of a recorded stereo sequence with ground truth; empty: none
   bool keep_work = false;            ///< databases, logs and reports of the runs stay in OUT/work
   std::string command;               ///< as typed, for the report
 };

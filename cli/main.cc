@@ -389,6 +389,10 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
       ->add_option("--flights", options->flights,
                    "True flights for the hall at full scale (TUM, T_world_camera); else made up")
       ->type_name("FILE");
+  command
+      ->add_option("--recorded", options->recorded,
+                   "Recorded stereo sequence with ground truth, for adapter; without it, all leaves that out")
+      ->type_name("FOLDER");
   command->add_flag("--keep-work", options->keep_work, "Keep databases, logs and reports of the runs in OUT/work");
   command->callback([options, &chosen] {
     chosen = [options]() -> Status {

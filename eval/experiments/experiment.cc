@@ -21,6 +21,7 @@ const std::vector<Experiment>& Experiments() {
       {"sharing", "Map sharing: what it saves the device", {"garage", "plaza"}, RunSharing},
       {"alpha", "Oversharing factor", {"garage"}, RunAlpha},
       {"overlap", "Overlap estimators against the oracle", {"garage", "plaza", "hall"}, RunOverlap},
+      {"adapter", "Recorded keyframes through the adapter", {}, RunAdapter, /*needs_recording=*/true},
   };
   return kExperiments;
 }

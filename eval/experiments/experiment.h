@@ -24,6 +24,8 @@ struct EvalContext {
   std::vector<std::string> flights;
   /// Settings to measure in; empty: all.
   std::vector<std::string> settings;
+  /// Folder of a recorded sequence with ground truth; empty: none was given.
+  std::string recorded;
 
   bool quick() const { return scale == Scale::kQuick; }
   /// Those of an experiment's settings that are to be measured in.
@@ -36,6 +38,8 @@ struct Experiment {
   std::string title;
   std::vector<std::string> settings;  ///< that it measures in; at full scale perhaps more than at the quick one
   StatusOr<ExperimentResult> (*run)(EvalContext& context);
+  /// Plays EvalContext::recorded.
+  bool needs_recording = false;
 };
 
 /// In the order of the paper.
@@ -56,5 +60,8 @@ StatusOr<ExperimentResult> RunInjection(EvalContext& context);
 StatusOr<ExperimentResult> RunSharing(EvalContext& context);
 StatusOr<ExperimentResult> RunAlpha(EvalContext& context);
 StatusOr<ExperimentResult> RunOverlap(EvalContext& context);
+/// Not in the paper: keyframes of EvalContext::recorded (stereo, with ground truth) from a SLAM system that only knows
+/// a drifting odometry, in three sessions of one map. NOT_FOUND, INVALID_ARGUMENT: no such recording.
+StatusOr<ExperimentResult> RunAdapter(EvalContext& context);
 
 }  // namespace mapp

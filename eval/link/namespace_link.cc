@@ -19,7 +19,7 @@
 namespace mapp {
 namespace {
 
-constexpr std::chrono::seconds kToolTimeout{10};
+constexpr std::chrono::seconds kSystemToolTimeout{10};
 
 /// Runs `ip` or `tc` in the calling thread's namespace.
 Status RunTool(const std::vector<std::string>& command) {
@@ -28,7 +28,7 @@ Status RunTool(const std::vector<std::string>& command) {
   options.output_file = options.error_file = "/dev/null";
   StatusOr<std::unique_ptr<ChildProcess>> child = ChildProcess::Start(options);
   if (!child.ok()) return absl::FailedPreconditionError(child.status().message());
-  const std::optional<int> exit_code = (*child)->Wait(kToolTimeout);
+  const std::optional<int> exit_code = (*child)->Wait(kSystemToolTimeout);
   if (exit_code == 0) return absl::OkStatus();
   return absl::FailedPreconditionError(
       fmt::format("{} {} {}: {}", command[0], command[1], command[2],
