@@ -1,6 +1,7 @@
 // `mapp eval`: what it refuses, and that its lab measures real runs.
 
 #include "eval/harness/lab.h"
+#include "eval/harness/results.h"
 #include "tests/e2e/service_fixture.h"
 
 #include <gmock/gmock.h>
@@ -46,6 +47,14 @@ TEST_F(EvalBadInputTest, AnExperimentThatNeedsAnotherSettingIsRefused) {
               AllOf(HasSubstr("hall, latency"), HasSubstr("garage")));
   EXPECT_FALSE(std::filesystem::exists(Out()));
   EXPECT_EQ(RunMapp({"eval", "all", "--setting", "moon", "--out", Out()}).exit_code, 2) << "not a setting: usage";
+}
+
+TEST_F(EvalBadInputTest, AnExperimentThatNeedsARecordingSaysSo) {
+  EXPECT_THAT(ExpectFailure({"eval", "adapter", "--quick", "--out", Out()}),
+              AllOf(HasSubstr("adapter"), HasSubstr("--recorded")));
+  EXPECT_THAT(ExpectFailure({"eval", "adapter", "--quick", "--recorded", "/nowhere", "--out", Out()}),
+              HasSubstr("/nowhere"));
+  EXPECT_FALSE(std::filesystem::exists(Out()));
 }
 
 TEST_F(EvalBadInputTest, AFolderThatCannotBeMadeIsNamed) {
@@ -127,6 +136,34 @@ TEST(LabTest, AFailingDeviceIsNamedWithItsLog) {
   EXPECT_EQ(fleet.status().code(), absl::StatusCode::kAborted);
   EXPECT_THAT(std::string(fleet.status().message()),
               AllOf(HasSubstr("device 0"), HasSubstr("upload_all"), HasSubstr("device_000.log")));
+}
+
+/// A figure of the first row of an experiment's only table.
+std::optional<double> FirstRow(const ExperimentResult& result, const std::string& column) {
+  const ResultTable& table = result.tables.front();
+  for (size_t i = 0; i < table.columns.size(); ++i) {
+    if (table.columns[i].name == column) return table.rows.front()[i].number;
+  }
+  return std::nullopt;
+}
+
+TEST(AdapterTest, SessionsOfAForeignSystemBecomeOneTrueMap) {
+  const auto recorded = DataFolder("euroc_v101/keyframes_stereo");
+  if (!recorded) GTEST_SKIP() << "recorded data euroc_v101/keyframes_stereo is not here";
+  const TempFolder folder;
+  const Finished finished =
+      RunMapp({"eval", "adapter", "--quick", "--recorded", *recorded, "--out", folder.path().string()});
+  ASSERT_EQ(finished.exit_code, 0) << finished.err;
+  const auto results = ParseResults(ReadAll(folder.path() / "results.json"), "results.json");
+  ASSERT_TRUE(results.ok()) << results.status();
+  const ExperimentResult& adapter = results->experiments.front();
+  EXPECT_EQ(FirstRow(adapter, "sessions merged"), 3);
+  EXPECT_EQ(FirstRow(adapter, "keyframes in the map"), 100);
+  const std::optional<double> closed_m = FirstRow(adapter, "joint ATE, sessions closed, m");
+  const std::optional<double> whole_m = FirstRow(adapter, "joint ATE, whole map optimized, m");
+  ASSERT_TRUE(closed_m && whole_m);
+  EXPECT_LT(*whole_m, 0.8 * *closed_m);
+  EXPECT_LT(*whole_m, 0.022);
 }
 
 }  // namespace
