@@ -1,0 +1,48 @@
+#pragma once
+
+#include "eval/harness/choices.h"
+#include "mapp/base/status.h"
+
+#include <CLI/CLI.hpp>
+#include <fmt/format.h>
+
+#include <array>
+#include <functional>
+#include <string>
+
+namespace mapp {
+
+/// What the chosen subcommand runs once all arguments are parsed.
+using Command = std::function<Status()>;
+
+// Each adds a subcommand with its options to `app`; `chosen` must outlive the parsing, which sets it to what is to run.
+void AddReplay(CLI::App& app, Command& chosen);
+void AddMaps(CLI::App& app, Command& chosen);
+void AddSessions(CLI::App& app, Command& chosen);
+void AddExport(CLI::App& app, Command& chosen);
+void AddRender(CLI::App& app, Command& chosen);
+void AddServerInfo(CLI::App& app, Command& chosen);
+void AddSimulate(CLI::App& app, Command& chosen);
+/// `command_line`: as typed, for the report.
+void AddEval(CLI::App& app, const std::string& command_line, Command& chosen);
+
+// Options that several subcommands have.
+void AddServer(CLI::App& command, std::string& server);
+void AddJson(CLI::App& command, bool& json);
+
+/// An option whose value is one of `choices`. `value` must outlive the parsing.
+template <typename T, size_t N>
+void AddChoice(CLI::App& command, const char* name, T& value, const std::array<Choice<T>, N>& choices,
+               const std::string& help) {
+  const auto check = [choices](const std::string& text) -> std::string {
+    if (ValueOf(choices, text)) return {};
+    return fmt::format("{} is not {}", text, OneOf(choices));
+  };
+  const auto set = [&value, choices](const std::string& text) { value = ValueOf(choices, text).value_or(value); };
+  command.add_option_function<std::string>(name, set, help)
+      ->check(CLI::Validator(check, ""))
+      ->type_name("NAME")
+      ->default_str(NameOf(choices, value));
+}
+
+}  // namespace mapp

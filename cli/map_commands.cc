@@ -1,0 +1,137 @@
+// Arguments of the commands that look after a server: maps, sessions, export, render, server-info.
+
+#include "cli/commands.h"
+#include "cli/export_map.h"
+#include "cli/interrupt.h"
+#include "cli/maps.h"
+#include "cli/render.h"
+#include "cli/server_info.h"
+#include "cli/sessions.h"
+
+#include <iostream>
+#include <memory>
+#include <unistd.h>
+
+namespace mapp {
+
+void AddServer(CLI::App& command, std::string& server) {
+  command.add_option("--server", server, "Server, host:port")->envname("MAPP_SERVER")->default_val("127.0.0.1:7878");
+}
+
+void AddJson(CLI::App& command, bool& json) { command.add_flag("--json", json, "Print JSON instead of a table"); }
+
+void AddMaps(CLI::App& app, Command& chosen) {
+  CLI::App* maps = app.add_subcommand("maps", "List, show, optimize and delete maps")->require_subcommand(1);
+
+  auto list = std::make_shared<MapsListOptions>();
+  CLI::App* list_command = maps->add_subcommand("list", "All maps of a server");
+  AddServer(*list_command, list->server);
+  AddJson(*list_command, list->json);
+  list_command->callback([list, &chosen] { chosen = [list] { return RunMapsList(*list, std::cout); }; });
+
+  auto show = std::make_shared<MapsShowOptions>();
+  CLI::App* show_command = maps->add_subcommand("show", "One map in detail");
+  AddServer(*show_command, show->server);
+  AddJson(*show_command, show->json);
+  show_command->add_option("name", show->name, "Name of the map")->required()->type_name("MAP");
+  show_command->callback([show, &chosen] { chosen = [show] { return RunMapsShow(*show, std::cout); }; });
+
+  auto optimize = std::make_shared<MapsOptimizeOptions>();
+  CLI::App* optimize_command = maps->add_subcommand("optimize", "Adjust all of a map together and fuse what is double");
+  AddServer(*optimize_command, optimize->server);
+  AddJson(*optimize_command, optimize->json);
+  optimize_command->add_option("name", optimize->name, "Name of the map")->required()->type_name("MAP");
+  optimize_command->callback([optimize, &chosen] {
+    chosen = [optimize]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunMapsOptimize(*optimize, watcher->token(), std::cout);
+    };
+  });
+
+  auto remove = std::make_shared<MapsDeleteOptions>();
+  CLI::App* delete_command = maps->add_subcommand("delete", "Delete a map with everything in it");
+  AddServer(*delete_command, remove->server);
+  AddJson(*delete_command, remove->json);
+  delete_command->add_flag("--yes", remove->yes, "Do not ask");
+  delete_command->add_flag("--force", remove->force, "Also when sessions are open");
+  delete_command->add_option("name", remove->name, "Name of the map")->required()->type_name("MAP");
+  delete_command->callback([remove, &chosen] {
+    remove->interactive = isatty(STDIN_FILENO) == 1;
+    chosen = [remove] { return RunMapsDelete(*remove, std::cin, std::cout); };
+  });
+}
+
+void AddSessions(CLI::App& app, Command& chosen) {
+  CLI::App* sessions = app.add_subcommand("sessions", "List, show and release sessions")->require_subcommand(1);
+  auto list = std::make_shared<SessionsListOptions>();
+  CLI::App* command = sessions->add_subcommand("list", "Sessions, oldest first");
+  AddServer(*command, list->server);
+  AddJson(*command, list->json);
+  command->add_option("--map", list->map_name, "Only of this map");
+  command->callback([list, &chosen] { chosen = [list] { return RunSessionsList(*list, std::cout); }; });
+
+  auto show = std::make_shared<SessionsShowOptions>();
+  CLI::App* show_command = sessions->add_subcommand("show", "One session, and why it is quarantined if it is");
+  AddServer(*show_command, show->server);
+  AddJson(*show_command, show->json);
+  show_command->add_option("id", show->id, "Number of the session")->required()->type_name("SESSION");
+  show_command->callback([show, &chosen] { chosen = [show] { return RunSessionsShow(*show, std::cout); }; });
+
+  auto release = std::make_shared<SessionsReleaseOptions>();
+  CLI::App* release_command =
+      sessions->add_subcommand("release", "Lift a session's quarantine for good; what was left out enters the map");
+  AddServer(*release_command, release->server);
+  AddJson(*release_command, release->json);
+  release_command->add_flag("--yes", release->yes, "Do not ask");
+  release_command->add_option("id", release->id, "Number of the session")->required()->type_name("SESSION");
+  release_command->callback([release, &chosen] {
+    release->interactive = isatty(STDIN_FILENO) == 1;
+    chosen = [release] { return RunSessionsRelease(*release, std::cin, std::cout); };
+  });
+}
+
+void AddExport(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<ExportOptions>();
+  CLI::App* command = app.add_subcommand("export", "Write a map's points or trajectories to files");
+  AddServer(*command, options->server);
+  AddJson(*command, options->json);
+  command->add_option("--map", options->map_name, "Map to export")->required();
+  static constexpr std::array kFormats = {Choice<ExportFormat>{"ply", ExportFormat::kPly},
+                                          Choice<ExportFormat>{"tum", ExportFormat::kTum}};
+  AddChoice(*command, "--format", options->format, kFormats, "ply: the points; tum: each session's keyframes");
+  command->add_flag_callback(
+      "--ascii", [options] { options->encoding = PlyEncoding::kAscii; }, "PLY as text instead of binary");
+  command->add_option("--out", options->out, "PLY: the file, - for standard output. TUM: a folder")
+      ->required()
+      ->type_name("PATH");
+  command->callback([options, &chosen] { chosen = [options] { return RunExport(*options, std::cout); }; });
+}
+
+void AddRender(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<RenderOptions>();
+  CLI::App* command = app.add_subcommand("render", "Draw a map from above");
+  AddServer(*command, options->server);
+  AddJson(*command, options->json);
+  command->add_option("--map", options->map_name, "Map to draw")->required();
+  command->add_option("--out", options->out_file, "The PNG")->required()->type_name("FILE");
+  command->add_option("--frames", options->frame_files, "Frame logs that mapp replay wrote with --frames-out")
+      ->type_name("FILE");
+  command->add_option("--width", options->image.width_px, "Width of the picture, pixels, 400 to 16384")
+      ->check(CLI::Range(400, 16384))
+      ->capture_default_str();
+  command->add_option("--height", options->image.height_px, "Height of the picture, pixels, 300 to 16384")
+      ->check(CLI::Range(300, 16384))
+      ->capture_default_str();
+  command->callback([options, &chosen] { chosen = [options] { return RunRender(*options, std::cout); }; });
+}
+
+void AddServerInfo(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<ServerInfoOptions>();
+  CLI::App* command = app.add_subcommand(
+      "server-info", "Version of a server, what it has used, and how long its methods and steps take");
+  AddServer(*command, options->server);
+  AddJson(*command, options->json);
+  command->callback([options, &chosen] { chosen = [options] { return RunServerInfo(*options, std::cout); }; });
+}
+
+}  // namespace mapp

@@ -1,0 +1,128 @@
+// Arguments of `mapp replay`.
+
+#include "cli/commands.h"
+#include "cli/interrupt.h"
+#include "cli/replay.h"
+#include "cli/sequence_source.h"
+#include "eval/harness/choices.h"
+
+#include <chrono>
+#include <cmath>
+#include <iostream>
+#include <memory>
+#include <string>
+
+namespace mapp {
+namespace {
+
+/// Refuses `sim:` names that stand for nothing, before anything is opened.
+std::string CheckSequence(const std::string& name) { return std::string(CheckSequenceName(name).message()); }
+
+constexpr const char* kReplayFooter =
+    R"(SEQUENCE is a folder (TUM RGB-D or EuRoC ASL layout), or drawn while it plays:
+  sim:room/SESSION, sim:room:SEED/SESSION           the rendered room
+  sim:SETTING/USER, sim:SETTING:KEY=VALUE,.../USER  a visit of mapp simulate SETTING,
+      its long options being the keys: sim:garage:users=5,path=60,sensor=stereo/0
+
+Figures, as in the JSON:
+  keyframe_equivalents    frames on a shared map, where no keyframe is made, at which
+                          the device would have made one mapping for itself
+  ..._bytes_per_keyframe  over keyframes + keyframe_equivalents
+  full_bytes              what --policy upload_all would have sent at each of these
+  upload_bytes            keyframes and update reports, retries included
+  full_features, _points  features of these keyframes, and those with a map point
+  query_bytes             the largest overlap query
+  freshness               1 - overlap_mean
+  traffic                 messages and bytes by kind
+  latency_ms              of each step; tracking on the own map, localization on the
+                          shared one
+  cpu_s                   device = process - reading, the drawing of rendered frames
+                          being part of reading
+  aligned_at_keyframe     0 for the session that founds the map, null if never
+  fragments               a device that is lost for long begins a new session, unaligned
+                          at first; the figures are of all of them together
+  frames_aligned          tracked frames that have a pose in the map in the end
+  ate_m                   RMSE of positions after the best rigid alignment, metres,
+                          of the aligned frames, else of the longest fragment
+  ate_scale               metres a unit of the session: a single camera does not tell
+                          scale, and its ate_m is after the best similarity
+  ate_joint_m             the same under the alignment of the map's first session,
+                          as --align-by gives it: judges the merged map)";
+
+constexpr std::array kRateChoices = {Choice<ReplayRate>{"max", ReplayRate::kMax},
+                                     Choice<ReplayRate>{"real", ReplayRate::kReal}};
+
+constexpr std::array kLevelChoices = {Choice<ReplayLevel>{"images", ReplayLevel::kImages},
+                                      Choice<ReplayLevel>{"features", ReplayLevel::kFeatures}};
+
+void AddPolicies(CLI::App& command, ParticipantOptions& options) {
+  AddChoice(command, "--policy", options.policy, kPolicyChoices,
+            "map: upload what is fresh; upload_all: every keyframe whole");
+  AddChoice(command, "--sampler", options.sampler, kSamplerChoices,
+            "How the overlap with the map is assessed: depth_sketch, samples at the depths the device sees; uniform, "
+            "evenly through the view cone; occupancy, no samples but the bins of the view that hold points");
+  AddChoice(command, "--injection", options.injection, kInjectionChoices,
+            "Redundant points that are uploaded all the same: often, those observed more often than the average; "
+            "random, as many at random; none");
+  AddChoice(command, "--sharing", options.sharing, kSwitchChoices,
+            "off: where the map is known, neither take it nor upload, and go on mapping for oneself");
+  command
+      .add_option("--min-seen-by-others", options.min_seen_by_others,
+                  "Share of the map points in view that other sessions must have seen for a shared map to be taken, 0 "
+                  "to 1; where fewer, the device's own map is the better one")
+      ->check(CLI::Range(0.0, 1.0))
+      ->type_name("SHARE")
+      ->capture_default_str();
+  command.add_option("--alpha", options.oversharing, "Oversharing: width of the shared view over the camera's, 1 to 4")
+      ->check(CLI::Range(1.0, 4.0))
+      ->type_name("FACTOR")
+      ->capture_default_str();
+}
+
+}  // namespace
+
+void AddReplay(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<ReplayOptions>();
+  CLI::App* command = app.add_subcommand("replay", "Play a recorded or rendered sequence against a server");
+  command->footer(kReplayFooter);
+  AddServer(*command, options->server);
+  command->add_option("--map", options->map_name, "Map to join; made when absent")->required();
+  command->add_option("--device", options->device, "Name of the device, for operators")->required();
+  AddPolicies(*command, options->participation);
+  AddChoice(*command, "--rate", options->rate, kRateChoices,
+            "max: as fast as it goes, repeatable; real: at the recorded times");
+  AddChoice(*command, "--level", options->level, kLevelChoices,
+            "images, through the built-in tracker; features: of sim: sequences, without drawing them, far faster");
+  auto align_by = std::make_shared<std::vector<std::string>>();
+  command->add_option("--align-by", *align_by, "TUM files of the map's first session: truth, then trajectory")
+      ->expected(2)
+      ->type_name("TRUTH_0 TRAJECTORY_0");
+  command->add_option("--trajectory-out", options->trajectory_file, "TUM: T_map_camera once aligned")
+      ->type_name("FILE");
+  command->add_option("--truth-out", options->truth_file, "TUM: the sequence's ground truth, where it has one")
+      ->type_name("FILE");
+  command->add_option("--frames-out", options->frames_file, "CSV of the frames in the map, for mapp render --frames")
+      ->type_name("FILE");
+  command->add_option("--json", options->json_file, "The report as JSON; - for standard output")->type_name("FILE");
+  auto patience_s = std::make_shared<double>(std::chrono::duration<double>(options->patience).count());
+  command
+      ->add_option("--patience", *patience_s,
+                   "How long one frame's consequences may take, and the map's optimisation at the end")
+      ->check(CLI::Range(1.0, 86'400.0))
+      ->type_name("SECONDS")
+      ->capture_default_str();
+  command->add_option("sequence", options->sequence, "What to play")
+      ->required()
+      ->type_name("SEQUENCE")
+      ->check(CLI::Validator(CheckSequence, ""));
+  command->callback([options, align_by, patience_s, &chosen] {
+    if (!align_by->empty()) options->align_by = AlignBy{align_by->at(0), align_by->at(1)};
+    options->patience = std::chrono::milliseconds(std::llround(1e3 * *patience_s));
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunReplay(*options, watcher->token(), std::cout);
+    };
+  });
+}
+
+}  // namespace mapp
