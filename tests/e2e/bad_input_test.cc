@@ -67,11 +67,11 @@ TEST_F(BadInputTest, CameraWithZeroFocalLength) {
   EXPECT_THAT(ReplayFailure(sequence), AllOf(HasSubstr("camera.yaml"), HasSubstr("intrinsics")));
 }
 
-TEST_F(BadInputTest, SingleCameraSaysWhatTheTrackerNeeds) {
+TEST_F(BadInputTest, ImageOfASingleCameraThatIsNone) {
   StartServer();
   const std::string sequence = MakeBrokenSequence();
   std::filesystem::remove(std::filesystem::path(sequence) / "depth.txt");
-  EXPECT_THAT(ReplayFailure(sequence), HasSubstr("needs RGB-D or stereo"));
+  EXPECT_THAT(ReplayFailure(sequence), AllOf(HasSubstr("frame 0"), HasSubstr("0.jpg")));
 }
 
 TEST_F(BadInputTest, MapThatDoesNotExist) {
