@@ -16,6 +16,7 @@ const std::vector<Experiment>& Experiments() {
       {"latency", "Latency of each step", {"hall"}, RunLatency},
       {"ate", "Trajectory error in every setting", {"garage", "plaza", "hall", "city"}, RunTrajectoryError},
       {"lookalikes", "Places that look alike: wrong merges", {"garage", "plaza", "city"}, RunLookAlikes},
+      {"alike_images", "The same, rendered", {"garage"}, RunRenderedLookAlikes},
       {"reconstruction", "Map reconstruction error against users", {"city"}, RunReconstruction},
       {"injection", "Redundancy injection", {"garage"}, RunInjection},
       {"sharing", "Map sharing: what it saves the device", {"garage", "plaza"}, RunSharing},

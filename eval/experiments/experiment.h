@@ -55,6 +55,7 @@ StatusOr<ExperimentResult> RunLink(EvalContext& context);
 StatusOr<ExperimentResult> RunLatency(EvalContext& context);
 StatusOr<ExperimentResult> RunTrajectoryError(EvalContext& context);
 StatusOr<ExperimentResult> RunLookAlikes(EvalContext& context);
+StatusOr<ExperimentResult> RunRenderedLookAlikes(EvalContext& context);
 StatusOr<ExperimentResult> RunReconstruction(EvalContext& context);
 StatusOr<ExperimentResult> RunInjection(EvalContext& context);
 StatusOr<ExperimentResult> RunSharing(EvalContext& context);

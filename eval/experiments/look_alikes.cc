@@ -75,27 +75,23 @@ StatusOr<Tally> Try(EvalContext& context, const sim::SimulationOptions& world, L
   return tally;
 }
 
-}  // namespace
-
-StatusOr<ExperimentResult> RunLookAlikes(EvalContext& context) {
-  const size_t num_trials = context.quick() ? 3 : 50;
+StatusOr<ExperimentResult> Measure(EvalContext& context, Level level, const std::vector<std::string>& settings) {
+  // Drawing takes most of a quick trial.
+  const size_t num_quick_trials = level == Level::kRendered ? 1 : 3;
+  const size_t num_trials = context.quick() ? num_quick_trials : 50;
   ExperimentResult result;
   ResultTable table;
   table.id = "look_alikes";
   table.title = "A founder, and a second device elsewhere in the same world";
   table.columns = {{"setting"},    {"level"},           {"trials", 0},
                    {"aligned", 0}, {"wrong merges", 0}, {"largest joint ATE, m", 3}};
-  for (const std::string& setting : context.Chosen({"garage", "plaza", "city"})) {
+  for (const std::string& setting : context.Chosen(settings)) {
     sim::SimulationOptions world = SettingWorld(context, setting, kWays);
     world.path_m = kWay_m;
-    std::vector<Level> levels = {Level::kFeatures};
-    if (!context.quick() && setting == "garage") levels.push_back(Level::kRendered);
-    for (const Level level : levels) {
-      MAPP_ASSIGN_OR_RETURN(const Tally tally, Try(context, world, level, num_trials));
-      table.rows.push_back({setting, std::string(LevelName(level)), static_cast<double>(tally.trials),
-                            static_cast<double>(tally.aligned), static_cast<double>(tally.wrong), tally.worst_m});
-    }
-    result.setup += Describe(FleetOf(world, Level::kFeatures, "depth_sketch")) + " ";
+    MAPP_ASSIGN_OR_RETURN(const Tally tally, Try(context, world, level, num_trials));
+    table.rows.push_back({setting, std::string(LevelName(level)), static_cast<double>(tally.trials),
+                          static_cast<double>(tally.aligned), static_cast<double>(tally.wrong), tally.worst_m});
+    result.setup += Describe(FleetOf(world, level, "depth_sketch")) + " ";
   }
   result.tables.push_back(std::move(table));
   result.remarks = {fmt::format(
@@ -104,6 +100,16 @@ StatusOr<ExperimentResult> RunLookAlikes(EvalContext& context) {
       "counts as wrong when the second way's error in the founder's frame exceeds {:.0f} m.",
       kApart_m, kWrong_m)};
   return result;
+}
+
+}  // namespace
+
+StatusOr<ExperimentResult> RunLookAlikes(EvalContext& context) {
+  return Measure(context, Level::kFeatures, {"garage", "plaza", "city"});
+}
+
+StatusOr<ExperimentResult> RunRenderedLookAlikes(EvalContext& context) {
+  return Measure(context, Level::kRendered, {"garage"});
 }
 
 }  // namespace mapp
