@@ -9,6 +9,7 @@
 #include "sim/world/world.h"
 
 #include <fmt/ranges.h>
+
 #include <iostream>
 #include <memory>
 #include <string>
