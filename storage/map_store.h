@@ -57,7 +57,8 @@ class MapReader {
 /// Reads and changes inside one transaction; reads see the changes made so far.
 class MapWriter : public MapReader {
  public:
-  /// ALREADY_EXISTS when the name is taken. Id, revision 0 and created_ns are set by the store.
+  /// ALREADY_EXISTS when the name is taken; INVALID_ARGUMENT for a tile edge or feature settings that cannot be. Id,
+  /// revision 0 and created_ns are set by the store.
   virtual StatusOr<MapId> CreateMap(const MapRecord& map) = 0;
   /// Deletes the map with its sessions, log, frames, points and tiles.
   virtual Status DeleteMap(MapId map) = 0;

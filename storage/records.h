@@ -3,6 +3,7 @@
 #include "mapp/base/id.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/feature/feature.h"
+#include "mapp/feature/feature_settings.h"
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/keyframe.h"
 #include "mapp/map/tile.h"
@@ -28,6 +29,8 @@ struct MapRecord {
   int64_t num_frames = 0;  ///< frames that stand in the map, fragments not counted
   int64_t num_points = 0;  ///< live points in the map's frame
   int64_t num_sessions = 0;
+  /// Of all its sessions; from the one that created it.
+  FeatureSettings features = {};
 };
 
 struct CameraRecord {

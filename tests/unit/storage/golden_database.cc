@@ -40,6 +40,10 @@ void ExpectGoldenContent(MapReader& reader) {
   EXPECT_EQ(map.revision, Revision(2));
   EXPECT_EQ(map.num_frames, 2);
   EXPECT_EQ(map.num_points, 1);
+  EXPECT_EQ(map.features.descriptor, "ORB-256");
+  EXPECT_EQ(map.features.scale_factor, 1.2F);
+  EXPECT_EQ(map.features.num_levels, 8);
+  EXPECT_EQ(map.features.patch_size_px, 31);
   const SessionRecord session = Value(reader.ListSessions(map.id)).at(0);
   EXPECT_EQ(session.device, "robot-7");
   EXPECT_EQ(session.num_keyframes, 2);

@@ -30,6 +30,25 @@ TEST_P(MapStoreCatalogTest, CreatesAndFindsAMap) {
   EXPECT_EQ(Value(Read()->ListMaps()).size(), 1U);
 }
 
+TEST_P(MapStoreCatalogTest, KeepsTheFeatureSettingsOfAMap) {
+  MapRecord map;
+  map.name = "garage";
+  map.features = {.descriptor = "rBRIEF-256", .scale_factor = 1.1F, .num_levels = 5, .patch_size_px = 41};
+  MustWrite([&](MapWriter& writer) { Value(writer.CreateMap(map)); });
+  Reopen();
+  const FeatureSettings stored = Value(Read()->FindMap("garage")).features;
+  EXPECT_EQ(stored.descriptor, "rBRIEF-256");
+  EXPECT_EQ(stored.scale_factor, 1.1F);
+  EXPECT_EQ(stored.num_levels, 5);
+  EXPECT_EQ(stored.patch_size_px, 41);
+
+  map.name = "attic";
+  map.features.num_levels = 0;
+  const Status status = Write([&](MapWriter& writer) { return writer.CreateMap(map).status(); });
+  EXPECT_THAT(status, HasCode(StatusCode::kInvalidArgument));
+  EXPECT_THAT(std::string(status.message()), HasSubstr("feature_settings.num_levels"));
+}
+
 TEST_P(MapStoreCatalogTest, RefusesANameTwice) {
   NewScene("kitchen");
   const Status status = Write([](MapWriter& writer) {

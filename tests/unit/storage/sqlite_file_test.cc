@@ -206,6 +206,14 @@ TEST_F(SqliteFileTest, DamagedRowsAreReportedByName) {
   EXPECT_EQ(Value(reader->GetFrame(frame)).number, 0U) << "the rest stays readable";
 }
 
+TEST_F(SqliteFileTest, ImpossibleFeatureSettingsOfAMapAreReportedByName) {
+  AddSceneTo(*Open(file_), "garage");
+  RunSql(file_, "UPDATE maps SET feature_num_levels = 99;");
+  const StatusOr<MapRecord> map = Value(Open(file_)->Read())->FindMap("garage");
+  EXPECT_THAT(map, HasCode(StatusCode::kDataLoss));
+  EXPECT_THAT(std::string(map.status().message()), HasSubstr("map 1: feature_settings.num_levels"));
+}
+
 /// Mounts a small disk on `folder`, in a mount namespace of the test's own: it goes with the process, however that
 /// ends.
 bool MountSmallDisk(const std::string& folder) {
