@@ -21,6 +21,9 @@ class FeatureReplayDevice final : public ReplayDevice {
     return device_->Close(timeout, wait_for_optimization);
   }
   std::vector<DeviceFragment> fragments() const override { return device_->fragments(); }
+  Status FetchKeyframePoses(std::vector<DeviceFragment>& fragments) override {
+    return device_->FetchKeyframePoses(fragments);
+  }
   ParticipantStats stats() const override { return device_->participant().stats(); }
   bool metric() const override { return true; }
   KeyframeTotals keyframe_equivalents() const override { return device_->keyframe_equivalents(); }

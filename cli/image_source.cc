@@ -25,6 +25,9 @@ class ImageDevice final : public ReplayDevice {
     return device_->Close(timeout, wait_for_optimization);
   }
   std::vector<DeviceFragment> fragments() const override { return device_->fragments(); }
+  Status FetchKeyframePoses(std::vector<DeviceFragment>& fragments) override {
+    return device_->FetchKeyframePoses(fragments);
+  }
   ParticipantStats stats() const override { return device_->participant().stats(); }
   bool metric() const override { return device_->tracker().sensor() != SensorKind::kMono; }
   KeyframeTotals keyframe_equivalents() const override { return device_->keyframe_equivalents(); }

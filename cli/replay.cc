@@ -23,8 +23,9 @@ namespace {
 /// The device's poses, in the map's frame where a fragment is aligned.
 struct DeviceTrajectory {
   bool in_map = false;
-  bool metric = true;                 ///< else lengths are in a unit of the fragment's own
-  std::vector<TrajectoryPose> poses;  ///< T_map_camera when `in_map`, else T_session_camera
+  bool metric = true;  ///< else lengths are in a unit of the fragment's own
+  /// T_map_camera when `in_map`, with the map's corrections to the keyframes; else T_session_camera.
+  std::vector<TrajectoryPose> poses;
 
   std::vector<StampedPose> Stamped() const {
     std::vector<StampedPose> stamped;
@@ -68,16 +69,14 @@ std::optional<double> RmseIfPaired(const StatusOr<TrajectoryError>& error) {
   return error->rmse_m;
 }
 
-void FillErrors(const ReplaySource& source, const DeviceTrajectory& trajectory, const std::optional<Sim3>& joint,
-                ReplayReport& report) {
-  const std::vector<StampedPose>& truth = source.ground_truth();
-  if (truth.empty()) return;
-  const auto error = AbsoluteTrajectoryError(truth, trajectory.Stamped(), /*with_scale=*/!trajectory.metric);
-  report.ate_m = RmseIfPaired(error);
-  if (error.ok() && !trajectory.metric) report.ate_scale = error->T_truth_estimate.scale;
-  if (joint && trajectory.in_map) {
-    report.ate_joint_m = RmseIfPaired(TrajectoryErrorUnder(*joint, truth, trajectory.Stamped()));
-  }
+ReplayErrors ErrorsOf(const DeviceTrajectory& trajectory, const std::vector<StampedPose>& truth,
+                      const std::optional<Sim3>& joint) {
+  const std::vector<StampedPose> poses = trajectory.Stamped();
+  const auto error = AbsoluteTrajectoryError(truth, poses, /*with_scale=*/!trajectory.metric);
+  ReplayErrors errors{.ate_m = RmseIfPaired(error), .ate_scale = {}, .ate_joint_m = {}};
+  if (error.ok() && !trajectory.metric) errors.ate_scale = error->T_truth_estimate.scale;
+  if (joint && trajectory.in_map) errors.ate_joint_m = RmseIfPaired(TrajectoryErrorUnder(*joint, truth, poses));
+  return errors;
 }
 
 /// Of the aligned fragments.
@@ -87,13 +86,11 @@ std::vector<FrameLog> MakeFrameLogs(const std::vector<DeviceFragment>& fragments
   for (const PlayedFrame& frame : frames) roles[frame.stamp_ns] = frame.role;
   std::vector<FrameLog> logs;
   for (const DeviceFragment& fragment : fragments) {
-    const std::optional<Pose3>& T_map_session = fragment.session.T_map_session;
-    if (!T_map_session) continue;
+    if (!fragment.session.T_map_session) continue;
     FrameLog& log = logs.emplace_back();
     log.session_id = fragment.session.session->value();
-    for (const TrajectoryPose& pose : fragment.trajectory) {
-      log.frames.push_back(
-          {pose.stamp_ns, *T_map_session * pose.T_session_camera, pose.on_shared_map, roles[pose.stamp_ns]});
+    for (const TrajectoryPose& pose : TrajectoryInMap(fragment)) {
+      log.frames.push_back({pose.stamp_ns, pose.T_session_camera, pose.on_shared_map, roles[pose.stamp_ns]});
     }
   }
   return logs;
@@ -177,7 +174,7 @@ Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const
   Status closed = device->Close(options.patience, /*wait_for_optimization=*/true);
 
   ReplayReport report = DescribeRun(options);
-  const std::vector<DeviceFragment> fragments = device->fragments();
+  std::vector<DeviceFragment> fragments = device->fragments();
   // A server that is killed while it optimizes forgets to; the session's own data are safe.
   report.optimization_pending =
       absl::IsDeadlineExceeded(closed) && std::ranges::all_of(fragments, [](const DeviceFragment& fragment) {
@@ -189,16 +186,22 @@ Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const
   report.cpu.process_s = usage.cpu_s - cpu_before_s;
   report.peak_rss_bytes = usage.peak_rss_bytes;
   report.duration_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
+  const DeviceTrajectory uncorrected = TrajectoryOf(fragments, device->metric());
+  const Status fetched = device->FetchKeyframePoses(fragments);
   const DeviceTrajectory trajectory = TrajectoryOf(fragments, device->metric());
   MarkTracked(fragments, played.frames);
   FillFrames(played.frames, report);
   FillFragments(fragments, report);
   FillParticipation(*device, report);
-  FillErrors(source, trajectory, joint, report);
+  if (!source.ground_truth().empty()) {
+    report.errors = ErrorsOf(trajectory, source.ground_truth(), joint);
+    report.uncorrected_errors = ErrorsOf(uncorrected, source.ground_truth(), joint);
+  }
   MAPP_RETURN_IF_ERROR(WriteFiles(options, source, report, trajectory, MakeFrameLogs(fragments, played.frames), out));
   if (options.json_file != "-") out << FormatText(report);
 
-  return Outcome(played.status, closed, device->stats());
+  MAPP_RETURN_IF_ERROR(Outcome(played.status, closed, device->stats()));
+  return Annotate(fetched, "asking for the poses of the keyframes");
 }
 
 }  // namespace mapp

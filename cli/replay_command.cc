@@ -47,7 +47,10 @@ Figures, as in the JSON:
   ate_scale               metres a unit of the session: a single camera does not tell
                           scale, and its ate_m is after the best similarity
   ate_joint_m             the same under the alignment of the map's first session,
-                          as --align-by gives it: judges the merged map)";
+                          as --align-by gives it: judges the merged map
+  ate_uncorrected_m, ate_joint_uncorrected_m
+                          the same without what the server has corrected since the
+                          keyframes were sent: as the device knew its way)";
 
 constexpr std::array kRateChoices = {Choice<ReplayRate>{"max", ReplayRate::kMax},
                                      Choice<ReplayRate>{"real", ReplayRate::kReal}};
@@ -97,7 +100,10 @@ void AddReplay(CLI::App& app, Command& chosen) {
   command->add_option("--align-by", *align_by, "TUM files of the map's first session: truth, then trajectory")
       ->expected(2)
       ->type_name("TRUTH_0 TRAJECTORY_0");
-  command->add_option("--trajectory-out", options->trajectory_file, "TUM: T_map_camera once aligned")
+  command
+      ->add_option(
+          "--trajectory-out", options->trajectory_file,
+          "TUM: T_map_camera, where the map has the keyframes after the session; T_session_camera if never aligned")
       ->type_name("FILE");
   command->add_option("--truth-out", options->truth_file, "TUM: the sequence's ground truth, where it has one")
       ->type_name("FILE");

@@ -146,8 +146,10 @@ std::string FormatJson(const ReplayReport& report) {
   WriteLatency(report.latency, json);
   WriteCpu(report.cpu, json);
   json.Field("peak_rss_bytes", report.peak_rss_bytes);
-  json.Field("ate_m", report.ate_m).Field("ate_scale", report.ate_scale);
-  json.Field("ate_joint_m", report.ate_joint_m);
+  json.Field("ate_m", report.errors.ate_m).Field("ate_scale", report.errors.ate_scale);
+  json.Field("ate_joint_m", report.errors.ate_joint_m);
+  json.Field("ate_uncorrected_m", report.uncorrected_errors.ate_m);
+  json.Field("ate_joint_uncorrected_m", report.uncorrected_errors.ate_joint_m);
   WriteFragments(report.fragments, json);
   json.EndObject();
   return std::move(json).Finish();
@@ -186,9 +188,9 @@ std::string FormatText(const ReplayReport& report) {
   table.AddRow({"cpu_s", fmt::format("{:.2f}", report.cpu.process_s - report.cpu.reading_s)});
   table.AddRow({"peak_rss", fmt::format("{:.0f} MB", 1e-6 * static_cast<double>(report.peak_rss_bytes))});
   if (report.optimization_pending) table.AddRow({"optimization", "pending"});
-  table.AddRow({"ate_m", Meters(report.ate_m)});
-  if (report.ate_scale) table.AddRow({"ate_scale", fmt::format("{:.4g} m a unit", *report.ate_scale)});
-  table.AddRow({"ate_joint_m", Meters(report.ate_joint_m)});
+  table.AddRow({"ate_m", Meters(report.errors.ate_m)});
+  if (report.errors.ate_scale) table.AddRow({"ate_scale", fmt::format("{:.4g} m a unit", *report.errors.ate_scale)});
+  table.AddRow({"ate_joint_m", Meters(report.errors.ate_joint_m)});
   return table.Format();
 }
 

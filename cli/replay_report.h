@@ -51,6 +51,16 @@ struct ReplayFragment {
   bool aligned = false;                         ///< in the end, be it after the fragment's own end
 };
 
+/// Against the ground truth; all absent without.
+struct ReplayErrors {
+  /// Absolute trajectory error after the best rigid alignment, metres: of the frames with a pose in the map, or, when
+  /// no fragment was aligned, of the longest one.
+  std::optional<double> ate_m;
+  std::optional<double> ate_scale;  ///< metres a unit of the session, where only the best alignment tells
+  /// The same under the alignment of the map's first session; absent without --align-by or when never aligned.
+  std::optional<double> ate_joint_m;
+};
+
 /// What `mapp replay` reports of one device's way. The names are those of the JSON keys. All figures are of all
 /// fragments together.
 ///
@@ -105,12 +115,10 @@ struct ReplayReport {
   ReplayCpu cpu;
   uint64_t peak_rss_bytes = 0;  ///< of the process, the drawing of frames included
 
-  /// Absolute trajectory error after the best rigid alignment, metres: of the frames with a pose in the map, or, when
-  /// no fragment was aligned, of the longest one. Absent without ground truth.
-  std::optional<double> ate_m;
-  std::optional<double> ate_scale;  ///< metres a unit of the session, where only the best alignment tells
-  /// The same under the alignment of the map's first session; absent without --align-by or when never aligned.
-  std::optional<double> ate_joint_m;
+  ReplayErrors errors;
+  /// The same without what merges, loops and optimisation have corrected at the server since the keyframes were sent:
+  /// as the device knew its way.
+  ReplayErrors uncorrected_errors;
 
   std::vector<ReplayFragment> fragments;  ///< in order
 

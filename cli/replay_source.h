@@ -34,7 +34,8 @@ class ReplayDevice {
   virtual Status WaitIdle(std::chrono::milliseconds timeout) = 0;
   virtual Status Close(std::chrono::milliseconds timeout, bool wait_for_optimization) = 0;
   virtual std::vector<DeviceFragment> fragments() const = 0;
-  virtual ParticipantStats stats() const = 0;  ///< of all fragments
+  virtual Status FetchKeyframePoses(std::vector<DeviceFragment>& fragments) = 0;  ///< as Device's
+  virtual ParticipantStats stats() const = 0;                                     ///< of all fragments
   /// Whether the fragments' lengths are metres; else each has a unit of its own until it is aligned.
   virtual bool metric() const = 0;
   virtual KeyframeTotals keyframe_equivalents() const = 0;

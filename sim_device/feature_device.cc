@@ -42,7 +42,11 @@ Status FeatureDevice::Close(std::chrono::milliseconds timeout, bool wait_for_opt
 }
 
 std::vector<DeviceFragment> FeatureDevice::fragments() const {
-  return {{participant_->fragments().front(), tracker_->Trajectory()}};
+  return {{participant_->fragments().front(), tracker_->Trajectory(), {}}};
+}
+
+Status FeatureDevice::FetchKeyframePoses(std::vector<DeviceFragment>& fragments) {
+  return mapp::FetchKeyframePoses(*participant_, fragments);
 }
 
 }  // namespace mapp::sim

@@ -26,7 +26,8 @@ class FeatureDevice {
   /// As Device's.
   Status WaitIdle(std::chrono::milliseconds timeout);
   Status Close(std::chrono::milliseconds timeout, bool wait_for_optimization);
-  std::vector<DeviceFragment> fragments() const;  ///< one: it never gets lost
+  std::vector<DeviceFragment> fragments() const;                      ///< one: it never gets lost
+  Status FetchKeyframePoses(std::vector<DeviceFragment>& fragments);  ///< as Device's
   const FeatureTracker& tracker() const { return *tracker_; }
   const Participant& participant() const { return *participant_; }
   const KeyframeTotals& keyframe_equivalents() const { return keyframe_equivalents_; }

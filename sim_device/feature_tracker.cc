@@ -223,7 +223,8 @@ TrackingResult FeatureTracker::Impl::Track(const Pose3& T_world_eye, int64_t sta
   }
   result.on_shared_map = on_shared_map;
   result.T_session_camera = T_session_camera;
-  trajectory.push_back({stamp_ns, T_session_camera, on_shared_map});
+  trajectory.push_back({stamp_ns, T_session_camera, on_shared_map,
+                        on_shared_map ? std::optional(localizer.T_map_session()) : std::nullopt});
   const std::chrono::duration<double, std::milli> elapsed = std::chrono::steady_clock::now() - begin;
   result.tracking_ms = elapsed.count();
   result.tracking_cpu_ms = 1e3 * (ThreadCpuSeconds() - cpu_before_s);

@@ -1,5 +1,6 @@
 #include "vision/bundle_adjustment.h"
 
+#include "vision/pose_block.h"
 #include "vision/reprojection.h"
 
 #include <Eigen/Geometry>
@@ -14,48 +15,13 @@
 namespace mapp {
 namespace {
 
-constexpr int kPoseSize = 7;  // x y z, then the quaternion as Eigen stores it: x y z w
-using PoseBlock = std::array<double, kPoseSize>;
-template <int Rows, int Columns>
-using RowMajor = Eigen::Matrix<double, Rows, Columns, Eigen::RowMajor>;
-
-Pose3 ToPose(const double* block) {
-  return Pose3(Eigen::Quaterniond(Eigen::Map<const Eigen::Quaterniond>(block + 3)),
-               Eigen::Map<const Eigen::Vector3d>(block));
-}
-
-void FromPose(const Pose3& pose, double* block) {
-  Eigen::Map<Eigen::Vector3d> translation(block);
-  translation = pose.translation();
-  Eigen::Map<Eigen::Quaterniond> rotation(block + 3);
-  rotation = pose.rotation();
-}
-
-/// Plus is the project's right perturbation T Exp(d). The cost functions write their derivative with respect to d into
-/// the first six columns of the pose's Jacobian and zero into the last, so PlusJacobian only has to pick those six:
-/// cheaper than going through the derivatives by quaternion coefficients and back.
-class RightPerturbation final : public ceres::Manifold {
- public:
-  int AmbientSize() const override { return kPoseSize; }
-  int TangentSize() const override { return 6; }
-  bool Plus(const double* x, const double* delta, double* x_plus_delta) const override {
-    FromPose(ToPose(x) * Pose3::Exp(Eigen::Map<const Eigen::Matrix<double, 6, 1>>(delta)), x_plus_delta);
-    return true;
-  }
-  bool PlusJacobian(const double*, double* jacobian) const override {
-    Eigen::Map<RowMajor<kPoseSize, 6>>(jacobian).setIdentity();
-    return true;
-  }
-  bool Minus(const double* y, const double* x, double* y_minus_x) const override {
-    Eigen::Map<Eigen::Matrix<double, 6, 1>> difference(y_minus_x);
-    difference = (ToPose(x).Inverse() * ToPose(y)).Log();
-    return true;
-  }
-  bool MinusJacobian(const double*, double* jacobian) const override {
-    Eigen::Map<RowMajor<6, kPoseSize>>(jacobian).setIdentity();
-    return true;
-  }
-};
+using internal::FromPose;
+using internal::kPoseSize;
+using internal::PoseBlock;
+using internal::RelativePoseCost;
+using internal::RightPerturbation;
+using internal::RowMajor;
+using internal::ToPose;
 
 /// kRows = 2: pixel. kRows = 3: pixel and disparity.
 template <int kRows>
@@ -161,6 +127,23 @@ Status ValidateObservations(const BundleProblem& problem) {
   return absl::OkStatus();
 }
 
+Status ValidateRelativePoses(const BundleProblem& problem) {
+  const auto num_frames = static_cast<int>(problem.frames.size());
+  const auto is_frame = [num_frames](int idx) { return idx >= 0 && idx < num_frames; };
+  for (size_t i = 0; i < problem.relative_poses.size(); ++i) {
+    const BundleProblem::RelativePose& relative = problem.relative_poses[i];
+    if (!is_frame(relative.from_idx) || !is_frame(relative.to_idx) || relative.from_idx == relative.to_idx) {
+      return absl::InvalidArgumentError(fmt::format("relative_poses[{}]: must join two frames of {}, joins {} and {}",
+                                                    i, num_frames, relative.from_idx, relative.to_idx));
+    }
+    if (!relative.T_from_to.IsFinite() || !(relative.sigma_m > 0) || !(relative.sigma_rad > 0)) {
+      return absl::InvalidArgumentError(
+          fmt::format("relative_poses[{}]: must be finite with positive sigma_m and sigma_rad", i));
+    }
+  }
+  return absl::OkStatus();
+}
+
 Status Validate(const BundleProblem& problem, const BundleOptions& options) {
   if (options.max_iterations < 0) {
     return absl::InvalidArgumentError(
@@ -172,7 +155,8 @@ Status Validate(const BundleProblem& problem, const BundleOptions& options) {
       return absl::InvalidArgumentError(fmt::format("points[{}].p_world: must be finite", i));
     }
   }
-  return ValidateObservations(problem);
+  MAPP_RETURN_IF_ERROR(ValidateObservations(problem));
+  return ValidateRelativePoses(problem);
 }
 
 internal::ReprojectionMeasurement Measured(const BundleProblem& problem,
@@ -234,6 +218,10 @@ double CovisibilityDensity(const BundleProblem& problem) {
 }
 
 void ChooseLinearSolver(const BundleProblem& problem, ceres::Solver::Options& options) {
+  if (problem.observations.empty()) {
+    options.linear_solver_type = ceres::SPARSE_NORMAL_CHOLESKY;  // a graph of poses has nothing to eliminate
+    return;
+  }
   constexpr int kMaxDenseFrames = 100;
   // Above, the matrix of densities costs more memory than it helps.
   constexpr size_t kMaxDensityFrames = 10000;
@@ -261,6 +249,7 @@ class BundleSolver {
     for (size_t i = 0; i < poses_.size(); ++i) FromPose(problem.frames[i].T_world_camera, poses_[i].data());
     for (size_t i = 0; i < points_.size(); ++i) points_[i] = problem.points[i].p_world;
     for (const BundleProblem::Observation& observation : problem.observations) AddObservation(observation);
+    for (const BundleProblem::RelativePose& relative : problem.relative_poses) AddRelativePose(relative);
     FixAndOrder();
   }
 
@@ -271,7 +260,7 @@ class BundleSolver {
     solver_options.num_threads = std::max(1, options.num_threads);
     solver_options.max_solver_time_in_seconds = options.max_seconds;
     solver_options.logging_type = ceres::SILENT;
-    solver_options.linear_solver_ordering = ordering_;
+    if (!input_.observations.empty()) solver_options.linear_solver_ordering = ordering_;
     solver_options.callbacks.push_back(&observer);
     ceres::Solver::Summary summary;
     ceres::Solve(solver_options, &problem_, &summary);
@@ -309,6 +298,12 @@ class BundleSolver {
     }
   }
 
+  void AddRelativePose(const BundleProblem::RelativePose& relative) {
+    problem_.AddResidualBlock(new RelativePoseCost(relative.T_from_to, relative.sigma_m, relative.sigma_rad),
+                              &relative_loss_, poses_[static_cast<size_t>(relative.from_idx)].data(),
+                              poses_[static_cast<size_t>(relative.to_idx)].data());
+  }
+
   /// Points are eliminated first (Schur complement). Frames and points without observations take no part.
   void FixAndOrder() {
     ordering_ = std::make_shared<ceres::ParameterBlockOrdering>();
@@ -330,6 +325,8 @@ class BundleSolver {
   const BundleProblem& input_;
   RightPerturbation manifold_;
   ceres::HuberLoss mono_loss_{std::sqrt(internal::kChi2Mono)};
+  // Odometry that has slipped once is off by any amount there.
+  ceres::CauchyLoss relative_loss_{std::sqrt(internal::kChi2RelativePose)};
   ceres::HuberLoss depth_loss_{std::sqrt(internal::kChi2Depth)};
   std::vector<PoseBlock> poses_;
   std::vector<Eigen::Vector3d> points_;
@@ -344,7 +341,7 @@ StatusOr<BundleResult> AdjustBundle(BundleProblem& problem, const BundleOptions&
   BundleResult result;
   Assessment assessment = Assess(problem);
   result.initial_rmse_px = assessment.rmse_px;
-  if (!problem.observations.empty()) {
+  if (!problem.observations.empty() || !problem.relative_poses.empty()) {
     BundleSolver solver(problem);
     IterationObserver observer(options);
     const ceres::Solver::Summary summary = solver.Solve(options, observer);

@@ -30,9 +30,18 @@ struct BundleProblem {
     double sigma_px = 1.0;
     double depth_m = 0;  ///< 0 = none
   };
+  /// Odometry between two frames: what holds those that share too few points.
+  struct RelativePose {
+    int from_idx = 0;
+    int to_idx = 0;
+    Pose3 T_from_to;
+    double sigma_m = 0.01;     ///< of each coordinate
+    double sigma_rad = 0.005;  ///< of each axis
+  };
   std::vector<Frame> frames;
   std::vector<Point> points;
   std::vector<Observation> observations;
+  std::vector<RelativePose> relative_poses;  ///< without observations, the problem is a graph of poses
 };
 
 struct BundleOptions {
@@ -56,9 +65,10 @@ struct BundleResult {
   std::vector<bool> outliers;
 };
 
-/// Ceres, Huber loss, Schur elimination of the points, analytic Jacobians; solver chosen by size (dense Schur below
-/// 100 free frames, else sparse or iterative). The caller fixes the gauge: at least one frame must be fixed.
-/// Writes poses and points in place; untouched on error. INVALID_ARGUMENT for indices out of range or no fixed frame.
+/// Observations and relative poses together; rmse and outliers are of observations alone. Ceres, Huber loss, Schur
+/// elimination of the points, analytic Jacobians; solver chosen by size (dense Schur below 100 free frames, else sparse
+/// or iterative). The caller fixes the gauge: at least one frame must be fixed. Writes poses and points in place;
+/// untouched on error. INVALID_ARGUMENT for indices out of range or no fixed frame.
 StatusOr<BundleResult> AdjustBundle(BundleProblem& problem, const BundleOptions& options);
 
 }  // namespace mapp

@@ -13,6 +13,8 @@ inline constexpr double kMinDepth_m = 0.01;
 /// chi-square bounds at 95 % for 2 (pixel) and 3 (pixel and disparity) degrees of freedom.
 inline constexpr double kChi2Mono = 5.991;
 inline constexpr double kChi2Depth = 7.815;
+/// The same for 6, a relative pose.
+inline constexpr double kChi2RelativePose = 12.592;
 
 /// Cost of an observation behind its camera, in units of its chi-square bound: high enough that no step gains by
 /// turning points away, bounded so that a single false match cannot veto a step, constant so that it pulls nowhere.

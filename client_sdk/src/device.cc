@@ -4,20 +4,6 @@
 
 namespace mapp {
 
-std::optional<std::vector<TrajectoryPose>> TrajectoryInMap(const std::vector<DeviceFragment>& fragments) {
-  std::optional<std::vector<TrajectoryPose>> in_map;
-  for (const DeviceFragment& fragment : fragments) {
-    const std::optional<Pose3>& T_map_session = fragment.session.T_map_session;
-    if (!T_map_session) continue;
-    if (!in_map) in_map.emplace();
-    for (TrajectoryPose pose : fragment.trajectory) {
-      pose.T_session_camera = *T_map_session * pose.T_session_camera;
-      in_map->push_back(pose);
-    }
-  }
-  return in_map;
-}
-
 struct Device::Impl {
   std::unique_ptr<OrbTracker> tracker;
   std::unique_ptr<Participant> participant;  // ends first: it calls the tracker
@@ -98,9 +84,15 @@ std::vector<DeviceFragment> Device::fragments() const {
   for (const ParticipantFragment& session : impl_->participant->fragments()) {
     const size_t i = fragments.size();
     fragments.push_back(
-        {session, i < impl_->ended_trajectories.size() ? impl_->ended_trajectories[i] : impl_->tracker->Trajectory()});
+        {session,
+         i < impl_->ended_trajectories.size() ? impl_->ended_trajectories[i] : impl_->tracker->Trajectory(),
+         {}});
   }
   return fragments;
+}
+
+Status Device::FetchKeyframePoses(std::vector<DeviceFragment>& fragments) {
+  return mapp::FetchKeyframePoses(*impl_->participant, fragments);
 }
 
 const OrbTracker& Device::tracker() const { return *impl_->tracker; }

@@ -103,6 +103,11 @@ Status FragmentSession::WaitForOptimization(std::chrono::steady_clock::time_poin
   }
 }
 
+StatusOr<std::vector<ClientKeyframePose>> FragmentSession::FetchKeyframePoses() {
+  if (!T_map_session()) return std::vector<ClientKeyframePose>();
+  return client_->GetSessionPoses(*session());
+}
+
 SessionFigures FragmentSession::figures() const {
   SessionFigures figures = progress_.figures();
   figures.counts.traffic = client_->traffic();

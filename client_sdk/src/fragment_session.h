@@ -58,6 +58,8 @@ class FragmentSession {
   Status WaitEnded(std::chrono::steady_clock::time_point deadline);
   /// As Participant::Close.
   Status Close(std::chrono::steady_clock::time_point deadline, bool wait_for_optimization);
+  /// Where the map has the fragment's keyframes now; none while it is not aligned.
+  StatusOr<std::vector<ClientKeyframePose>> FetchKeyframePoses();
   /// Ends the calls under way and drops what is queued. Idempotent.
   void Stop();
 

@@ -274,6 +274,19 @@ StatusOr<std::pair<uint64_t, bool>> MapClient::CloseSession(SessionId session) {
   return std::make_pair(response.num_keyframes(), response.optimization_pending());
 }
 
+StatusOr<std::vector<ClientKeyframePose>> MapClient::GetSessionPoses(SessionId session) {
+  v1::GetSessionPosesRequest request;
+  request.set_session_id(ToWire(session));
+  v1::GetSessionPosesResponse response;
+  MAPP_RETURN_IF_ERROR(impl_->Unary(&Impl::Stub::GetSessionPoses, request, response, RetryOn::kTransient, {}));
+  std::vector<ClientKeyframePose> poses;
+  for (const auto& keyframe : response.keyframes()) {
+    MAPP_ASSIGN_OR_RETURN(const Pose3 T_map_camera, FromProto(keyframe.pose_map_camera(), "pose_map_camera"));
+    poses.push_back({keyframe.keyframe(), keyframe.stamp_ns(), T_map_camera});
+  }
+  return poses;
+}
+
 std::unique_ptr<WatchHandle> MapClient::WatchSession(SessionId session,
                                                      std::function<void(const ClientEvent&)> on_event) {
   return std::make_unique<WatchThread>(*impl_->stub, session, impl_->NewBackoff(), std::move(on_event));

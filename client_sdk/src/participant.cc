@@ -139,6 +139,20 @@ std::vector<ParticipantFragment> Participant::fragments() const {
   return fragments;
 }
 
+StatusOr<std::vector<std::vector<ClientKeyframePose>>> Participant::FetchKeyframePoses() {
+  std::vector<std::shared_ptr<FragmentSession>> sessions;
+  std::vector<std::vector<ClientKeyframePose>> poses;
+  {
+    MutexLock lock(impl_->mutex);
+    sessions = impl_->followed;
+    poses.resize(impl_->forgotten.size());
+  }
+  for (const auto& session : sessions) {
+    MAPP_ASSIGN_OR_RETURN(poses.emplace_back(), session->FetchKeyframePoses());
+  }
+  return poses;
+}
+
 Status Participant::WaitIdle(std::chrono::milliseconds timeout) {
   const auto deadline = steady_clock::now() + timeout;
   const std::vector<std::shared_ptr<FragmentSession>> sessions = impl_->Followed();

@@ -27,6 +27,8 @@ class MapServiceHandler final : public v1::MapService::WithCallbackMethod_WatchS
                             v1::ReportUpdateResponse* response) override;
   grpc::Status CloseSession(grpc::ServerContext* context, const v1::CloseSessionRequest* request,
                             v1::CloseSessionResponse* response) override;
+  grpc::Status GetSessionPoses(grpc::ServerContext* context, const v1::GetSessionPosesRequest* request,
+                               v1::GetSessionPosesResponse* response) override;
   grpc::ServerWriteReactor<v1::WatchSessionResponse>* WatchSession(grpc::CallbackServerContext* context,
                                                                    const v1::WatchSessionRequest* request) override;
 

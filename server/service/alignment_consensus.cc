@@ -20,16 +20,6 @@ constexpr double kDistinctRad = 3.0 * kRadPerDeg;
 constexpr double kDriftM = 0.02;
 constexpr double kDriftRad = 0.5 * kRadPerDeg;
 
-/// Adjoint for perturbations [rho; phi]: T * Exp(d) == Exp(Ad(T) d) * T.
-Matrix6 Adjoint(const Pose3& T) {
-  const Eigen::Matrix3d R = T.RotationMatrix();
-  Matrix6 adjoint = Matrix6::Zero();
-  adjoint.topLeftCorner<3, 3>() = R;
-  adjoint.topRightCorner<3, 3>() = Skew(T.translation()) * R;
-  adjoint.bottomRightCorner<3, 3>() = R;
-  return adjoint;
-}
-
 /// (information^-1 + drift covariance)^-1, written so that a singular information does not matter.
 Matrix6 LimitByDrift(const Matrix6& information) {
   Vector6 variances;

@@ -234,4 +234,19 @@ StatusOr<std::unique_ptr<SessionEvents::Subscription>> MapService::WatchSession(
   return subscription;
 }
 
+StatusOr<SessionPoses> MapService::GetSessionPoses(const CallContext& context, SessionId session) {
+  MAPP_RETURN_IF_ERROR(context.Check());
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
+  MAPP_ASSIGN_OR_RETURN(const SessionView known, LoadSession(*reader, session));
+  if (!known.session.T_map_session) {
+    return absl::FailedPreconditionError(
+        fmt::format("session {} is not aligned with its map yet: its keyframes have no pose there", session.value()));
+  }
+  SessionPoses poses{.frames = {}, .map_revision = known.map.revision};
+  MAPP_ASSIGN_OR_RETURN(poses.frames, reader->ListFrames(known.map.id, session));
+  std::erase_if(poses.frames, [](const FrameRecord& frame) { return !frame.in_map; });
+  std::ranges::sort(poses.frames, {}, &FrameRecord::number);
+  return poses;
+}
+
 }  // namespace mapp

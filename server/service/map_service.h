@@ -54,6 +54,9 @@ class MapService {
   StatusOr<std::unique_ptr<SessionEvents::Subscription>> WatchSession(const CallContext& context, SessionId session,
                                                                       SessionEvents::Callback callback);
 
+  /// Where the map has the session's keyframes now.
+  StatusOr<SessionPoses> GetSessionPoses(const CallContext& context, SessionId session);
+
   StatusOr<std::vector<MapRecord>> ListMaps(const CallContext& context);
   StatusOr<MapRecord> GetMap(const CallContext& context, const std::string& name);
   StatusOr<std::vector<TileRecord>> ListTiles(const CallContext& context, MapId map);

@@ -188,7 +188,8 @@ StatusOr<OptimizationFinished> Optimizer::Impl::Optimize(const CallContext& cont
     MAPP_ASSIGN_OR_RETURN(frames, reader->ListFrames(record.map, session));
   }
   std::erase_if(frames, [](const FrameRecord& frame) { return !frame.in_map; });
-  const auto stretch = static_cast<size_t>(std::max(1, options.max_free_frames / 2));
+  const auto max_free_frames = static_cast<size_t>(std::max(1, options.max_free_frames));
+  const size_t stretch = frames.size() <= max_free_frames ? max_free_frames : std::max<size_t>(1, max_free_frames / 2);
   for (size_t first = 0; first < frames.size(); first += stretch) {
     const double seconds_left = options.max_seconds - SecondsSince(start);
     if (seconds_left <= 0) break;

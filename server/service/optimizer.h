@@ -24,8 +24,9 @@ struct OptimizerOptions {
   int max_map_rounds = 4;
   /// Free frames beyond the session's own: those sharing at least this many points with it.
   int min_shared_points = 15;
-  /// The bound of the work (DESIGN 8): a longer session is optimised in stretches of half as many of its frames.
-  int max_free_frames = 200;
+  /// The bound of the work (DESIGN 8): a longer session is optimised in stretches of half as many of its frames. What
+  /// of the session lies outside a stretch stays where it has drifted to, and holds the stretch there.
+  int max_free_frames = 600;
   /// Told of what went wrong with a session in the background. May be empty; must not block. A session or map deleted
   /// in the meantime is not an error.
   std::function<void(SessionId, const Status&)> on_error;

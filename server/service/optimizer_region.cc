@@ -1,6 +1,7 @@
 #include "server/service/optimizer_region.h"
 
 #include "server/service/frame_view.h"
+#include "server/service/odometry_links.h"
 
 #include <algorithm>
 #include <cmath>
@@ -17,6 +18,9 @@ namespace {
 constexpr double kSearchMarginM = 2.0;
 /// A frame with fewer shared points is not held well by them: it is carried, not adjusted.
 constexpr int kMinPointsPerFrame = 30;
+/// Depth cameras are better than the usual weight of their depths says, which alignment keeps for what distant sessions
+/// disagree in: by this much, where one map is adjusted to all its depths.
+constexpr double kRgbdDepthTrust = 3;
 /// A frame that sees fewer of the free points adds nothing as border.
 constexpr int kMinBorderPoints = 5;
 
@@ -50,6 +54,7 @@ class RegionLoader {
   Status BuildObservations(OptimizerRegion& region);
   Status BuildFrameObservations(const Member& member, int frame_idx, OptimizerRegion& region);
   void BuildCarried(OptimizerRegion& region) const;
+  Status LinkByOdometry(OptimizerRegion& region);
   Status FixGauge(OptimizerRegion& region);
   void RememberSnapshot(OptimizerRegion& region) const;
 
@@ -63,6 +68,7 @@ class RegionLoader {
   std::map<MapPointId, PointRecord> points_;  ///< live, seen by free frames
   std::map<MapPointId, int> point_indices_;
   std::map<FrameId, int> frame_indices_;
+  OdometryLinks odometry_;
 };
 
 StatusOr<const RegionLoader::Member*> RegionLoader::Read(FrameId frame) {
@@ -199,7 +205,8 @@ Status RegionLoader::BuildFrameObservations(const Member& member, int frame_idx,
   MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader_, member.record.id));
   BundleProblem::Frame& frame = region.problem.frames[frame_idx];
   frame.camera = view.pinhole;
-  frame.bf_px_m = DepthWeightBf(view.camera);
+  frame.bf_px_m = DepthWeightBf(view.camera) * (view.camera.stereo_baseline_m > 0 ? 1 : kRgbdDepthTrust);
+  odometry_.Add(frame_idx, view);
   for (const Observation& observation : member.observations) {
     const auto point_idx = point_indices_.find(observation.point);
     if (point_idx == point_indices_.end()) continue;
@@ -238,6 +245,14 @@ void RegionLoader::BuildCarried(OptimizerRegion& region) const {
       }
     }
   }
+}
+
+Status RegionLoader::LinkByOdometry(OptimizerRegion& region) {
+  MAPP_ASSIGN_OR_RETURN(region.problem.relative_poses, odometry_.Build(reader_));
+  std::erase_if(region.problem.relative_poses, [&region](const BundleProblem::RelativePose& link) {
+    return region.problem.frames[link.from_idx].fixed && region.problem.frames[link.to_idx].fixed;
+  });
+  return absl::OkStatus();
 }
 
 /// The frame that defined the map's frame stays where it is; a region that neither holds it nor has a border keeps its
@@ -280,6 +295,7 @@ StatusOr<OptimizerRegion> RegionLoader::Load(std::span<const FrameRecord> sessio
   MAPP_RETURN_IF_ERROR(BuildObservations(region));
   BuildCarried(region);
   MAPP_RETURN_IF_ERROR(FixGauge(region));
+  MAPP_RETURN_IF_ERROR(LinkByOdometry(region));
   RememberSnapshot(region);
   return region;
 }

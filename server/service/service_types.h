@@ -63,6 +63,11 @@ struct ClosedSession {
   int64_t num_keyframes = 0;
   bool optimization_pending = false;
 };
+/// Where the map has a session's keyframes.
+struct SessionPoses {
+  std::vector<FrameRecord> frames;  ///< in the map, by number
+  Revision map_revision;
+};
 struct ReleasedSession {
   SessionRecord session;
   size_t num_frames_taken_in = 0;  ///< frames that had been left out of the map

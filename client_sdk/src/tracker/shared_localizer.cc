@@ -62,7 +62,7 @@ int SharedLocalizer::RequiredMatches(size_t num_features, const OrbTrackerOption
 std::optional<int> SharedLocalizer::Take(const SharedMap& map) {
   std::optional<int> retired;
   if (tried_) retired = tried_->generation;
-  tried_ = Loaded{map.number, ++last_generation_, {}};
+  tried_ = Loaded{map.number, ++last_generation_, map.T_map_session, {}};
   tried_->points.reserve(map.points.size());
   MutexLock lock(shared_.mutex);
   for (const SharedPoint& point : map.points) {

@@ -44,6 +44,8 @@ class SharedLocalizer {
   std::optional<int> Leave(bool* was_adopted);
 
   bool in_use() const { return in_use_; }
+  /// Of the map adopted last, which must be.
+  const Pose3& T_map_session() const { return adopted_->T_map_session; }
   /// Localizes a frame on the map in use. `guess` is absent when tracking is lost; what is found without its help must
   /// lie within `bound`.
   Outcome Localize(const Frame& frame, const std::optional<Pose3>& T_session_camera_guess, const PoseBound& bound,
@@ -61,6 +63,7 @@ class SharedLocalizer {
   struct Loaded {
     uint32_t number = 0;
     int generation = 0;
+    Pose3 T_map_session;
     std::vector<PointView> points;
   };
 

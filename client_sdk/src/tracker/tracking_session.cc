@@ -43,7 +43,10 @@ void TrackingSession::LeaveSharedMap() {
 TrackingResult TrackingSession::Track(const std::shared_ptr<const Frame>& frame) {
   TrackingResult result = state_ == TrackingState::kNotStarted ? Start(frame) : TrackStarted(frame);
   state_ = result.state;
-  if (state_ == TrackingState::kTracking) trajectory_.Add(*front_end_.last(), result.on_shared_map);
+  if (state_ == TrackingState::kTracking) {
+    trajectory_.Add(*front_end_.last(),
+                    result.on_shared_map ? std::optional(shared_localizer_.T_map_session()) : std::nullopt);
+  }
   if (on_probation_) Examine(&result);
   return result;
 }

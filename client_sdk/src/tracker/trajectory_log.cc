@@ -2,10 +2,10 @@
 
 namespace mapp::tracker {
 
-void TrajectoryLog::Add(const TrackedFrame& tracked, bool on_shared_map) {
+void TrajectoryLog::Add(const TrackedFrame& tracked, const std::optional<Pose3>& T_map_session) {
   const bool has_reference = tracked.reference_keyframe_idx != kNone;
   entries_.push_back({tracked.frame->stamp_ns, tracked.reference_keyframe_idx,
-                      has_reference ? tracked.T_reference_camera : tracked.T_session_camera, on_shared_map});
+                      has_reference ? tracked.T_reference_camera : tracked.T_session_camera, T_map_session});
 }
 
 std::vector<TrajectoryPose> TrajectoryLog::Compose(const SharedSessionMap& shared) const {
@@ -17,7 +17,7 @@ std::vector<TrajectoryPose> TrajectoryLog::Compose(const SharedSessionMap& share
     if (entry.reference_keyframe_idx != kNone) {
       T_session_camera = shared.map.keyframe(entry.reference_keyframe_idx).T_session_camera * T_session_camera;
     }
-    poses.push_back({entry.stamp_ns, T_session_camera, entry.on_shared_map});
+    poses.push_back({entry.stamp_ns, T_session_camera, entry.T_map_session.has_value(), entry.T_map_session});
   }
   return poses;
 }

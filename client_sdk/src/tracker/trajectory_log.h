@@ -4,6 +4,7 @@
 #include "client_sdk/src/tracker/session_map.h"
 #include "mapp/client/orb_tracker.h"
 
+#include <optional>
 #include <vector>
 
 namespace mapp::tracker {
@@ -12,7 +13,8 @@ namespace mapp::tracker {
 /// Frames on a shared map stay where they were localized. Tracking thread only.
 class TrajectoryLog {
  public:
-  void Add(const TrackedFrame& tracked, bool on_shared_map);
+  /// `T_map_session`: of the shared map it was localised on; nullopt otherwise.
+  void Add(const TrackedFrame& tracked, const std::optional<Pose3>& T_map_session);
   std::vector<TrajectoryPose> Compose(const SharedSessionMap& shared) const;
 
  private:
@@ -20,7 +22,7 @@ class TrajectoryLog {
     int64_t stamp_ns = 0;
     int reference_keyframe_idx = kNone;
     Pose3 T_reference_camera;  ///< T_session_camera without a reference keyframe
-    bool on_shared_map = false;
+    std::optional<Pose3> T_map_session;
   };
   std::vector<Entry> entries_;
 };

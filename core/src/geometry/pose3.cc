@@ -63,6 +63,15 @@ double RotationAngle(const Pose3& a, const Pose3& b) { return LogSo3(a.rotation(
 
 double Distance(const Pose3& a, const Pose3& b) { return (a.translation() - b.translation()).norm(); }
 
+Eigen::Matrix<double, 6, 6> Adjoint(const Pose3& T) {
+  const Eigen::Matrix3d R = T.RotationMatrix();
+  Eigen::Matrix<double, 6, 6> adjoint = Eigen::Matrix<double, 6, 6>::Zero();
+  adjoint.topLeftCorner<3, 3>() = R;
+  adjoint.topRightCorner<3, 3>() = Skew(T.translation()) * R;
+  adjoint.bottomRightCorner<3, 3>() = R;
+  return adjoint;
+}
+
 Eigen::Matrix3d Skew(const Eigen::Vector3d& v) {
   Eigen::Matrix3d skew;
   skew << 0, -v.z(), v.y(), v.z(), 0, -v.x(), -v.y(), v.x(), 0;

@@ -23,7 +23,7 @@ ReplayReport SecondDevice() {
   report.aligned_at_keyframe = 3;
   report.upload_bytes = 80'000;
   report.full_bytes = 400'000;
-  report.ate_joint_m = 0.031;
+  report.errors.ate_joint_m = 0.031;
   return report;
 }
 

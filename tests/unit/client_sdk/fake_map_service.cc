@@ -208,6 +208,20 @@ grpc::Status FakeMapService::CloseSession(grpc::ServerContext*, const v1::CloseS
   return grpc::Status::OK;
 }
 
+grpc::Status FakeMapService::GetSessionPoses(grpc::ServerContext*, const v1::GetSessionPosesRequest* request,
+                                             v1::GetSessionPosesResponse* response) {
+  MutexLock lock(mutex_);
+  if (!script_.T_corrected_sent) return {grpc::StatusCode::FAILED_PRECONDITION, "not aligned"};
+  for (const Keyframe& upload : uploads_) {
+    if (upload.session.value() != request->session_id()) continue;
+    v1::GetSessionPosesResponse::KeyframePose& keyframe = *response->add_keyframes();
+    keyframe.set_keyframe(upload.number);
+    keyframe.set_stamp_ns(upload.stamp_ns);
+    *keyframe.mutable_pose_map_camera() = ToProto(*script_.T_corrected_sent * upload.T_frame_camera);
+  }
+  return grpc::Status::OK;
+}
+
 grpc::Status FakeMapService::WatchSession(grpc::ServerContext* context, const v1::WatchSessionRequest* request,
                                           grpc::ServerWriter<v1::WatchSessionResponse>* writer) {
   {

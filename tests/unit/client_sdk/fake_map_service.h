@@ -29,6 +29,8 @@ class FakeMapService final : public v1::MapService::Service {
     std::vector<Tile> tiles;
     v1::UpdateVerdict verdict = v1::UPDATE_VERDICT_NONE;
     bool optimization_pending = false;
+    /// Where the map has every upload, in front of the pose it came with.
+    std::optional<Pose3> T_corrected_sent;
     /// Statuses of the next calls of a method, in order; without one left the call succeeds.
     std::deque<grpc::StatusCode> open_errors;
     std::deque<grpc::StatusCode> close_errors;
@@ -74,6 +76,8 @@ class FakeMapService final : public v1::MapService::Service {
                             v1::ReportUpdateResponse* response) override;
   grpc::Status CloseSession(grpc::ServerContext* context, const v1::CloseSessionRequest* request,
                             v1::CloseSessionResponse* response) override;
+  grpc::Status GetSessionPoses(grpc::ServerContext* context, const v1::GetSessionPosesRequest* request,
+                               v1::GetSessionPosesResponse* response) override;
   grpc::Status WatchSession(grpc::ServerContext* context, const v1::WatchSessionRequest* request,
                             grpc::ServerWriter<v1::WatchSessionResponse>* writer) override;
 

@@ -78,6 +78,21 @@ TEST_F(MapClientTest, ASharedMapComesWhole) {
   EXPECT_THAT(map->tiles[0].points, SizeIs(50));
 }
 
+TEST_F(MapClientTest, PosesOfASessionComeByKeyframe) {
+  EXPECT_EQ(client_->GetSessionPoses(SessionId(7)).status().code(), absl::StatusCode::kFailedPrecondition);
+  ASSERT_TRUE(client_->UploadKeyframe(Packet(0)).ok());
+  ASSERT_TRUE(client_->UploadKeyframe(Packet(1)).ok());
+  const Pose3 T_corrected_sent(Eigen::Quaterniond::Identity(), {0, 0, 0.25});
+  server_.Change([&](FakeMapService::Script& script) { script.T_corrected_sent = T_corrected_sent; });
+  const auto poses = client_->GetSessionPoses(server_.uploads()[0].session);
+  ASSERT_TRUE(poses.ok()) << poses.status();
+  ASSERT_THAT(*poses, SizeIs(2));
+  const Keyframe sent = server_.uploads()[1];
+  EXPECT_EQ((*poses)[1].number, sent.number);
+  EXPECT_EQ((*poses)[1].stamp_ns, sent.stamp_ns);
+  EXPECT_LT(Distance((*poses)[1].T_map_camera, T_corrected_sent * sent.T_frame_camera), 1e-9);
+}
+
 TEST_F(MapClientTest, CancelEndsRetriesAndLaterCalls) {
   server_.Stop();
   MapClientOptions options;

@@ -1,5 +1,6 @@
 // A device that has lost its place for good goes on in another session.
 
+#include "mapp/client/device.h"
 #include "participant_fixture.h"
 
 #include <gmock/gmock.h>
@@ -43,6 +44,32 @@ class ParticipantFragmentsTest : public ParticipantTest {
     server_.Change([](FakeMapService::Script& script) { script.T_map_session = std::nullopt; });
   }
 };
+
+TEST_F(ParticipantFragmentsTest, PosesInTheMapComeOfEachFragmentAlsoAfterTheEnd) {
+  OpenAligned();
+  Queue(1);
+  BeginFragmentOfTwo();
+  ExpectIdle();
+  server_.Change([](FakeMapService::Script& script) { script.T_corrected_sent = Pose3(); });
+  ASSERT_TRUE(participant_->Close(kPatience, /*wait_for_optimization=*/false).ok());
+  std::vector<DeviceFragment> fragments;
+  for (const ParticipantFragment& fragment : participant_->fragments()) fragments.push_back({fragment, {}, {}});
+  ASSERT_THAT(fragments, SizeIs(2));
+  const Status fetched = FetchKeyframePoses(*participant_, fragments);
+  ASSERT_TRUE(fetched.ok()) << fetched;
+  EXPECT_THAT(fragments[0].keyframe_poses, SizeIs(2));
+  EXPECT_THAT(fragments[1].keyframe_poses, SizeIs(2));
+}
+
+TEST_F(ParticipantFragmentsTest, AFragmentWithoutAPlaceIsNotAskedFor) {
+  StayUnaligned();
+  Open();
+  Queue(0);
+  const auto poses = participant_->FetchKeyframePoses();  // the server would refuse
+  ASSERT_TRUE(poses.ok()) << poses.status();
+  ASSERT_THAT(*poses, SizeIs(1));
+  EXPECT_THAT(poses->front(), SizeIs(0));
+}
 
 TEST_F(ParticipantFragmentsTest, TheOldSessionIsSentToItsEndAndClosedAndANewOneOpened) {
   OpenAligned();

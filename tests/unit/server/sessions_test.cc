@@ -87,6 +87,30 @@ TEST_F(SessionsTest, ClosingTwiceIsClosingOnce) {
   EXPECT_EQ(service_->CloseSession(context_, SessionId(4711)).status().code(), absl::StatusCode::kNotFound);
 }
 
+TEST_F(SessionsTest, PosesAreThoseOfTheMapByNumber) {
+  const SessionId session = Open();
+  const Pose3 T_world_session = SyntheticWorld::Stand(0, -2, 0);
+  MustUpload(world_, T_world_session, session, 0);
+  const Pose3 second = SyntheticWorld::Stand(0, -2, 0.5);
+  MustUpload(world_, second, session, 1);
+  ASSERT_TRUE(service_->CloseSession(context_, session).ok());
+  const StatusOr<SessionPoses> poses = service_->GetSessionPoses(context_, session);
+  ASSERT_TRUE(poses.ok()) << poses.status();
+  ASSERT_EQ(poses->frames.size(), 2U);
+  EXPECT_EQ(poses->frames[0].number, 0U);
+  EXPECT_EQ(poses->frames[1].number, 1U);
+  EXPECT_LT(Distance(poses->frames[1].T_frame_camera, second), 0.1);
+  EXPECT_GT(poses->map_revision.value(), 0U);
+}
+
+TEST_F(SessionsTest, PosesOfAFragmentOrOfNobodyAreRefused) {
+  MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), Open(), 0);
+  const StatusOr<SessionPoses> fragment = service_->GetSessionPoses(context_, Open());
+  EXPECT_EQ(fragment.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_NE(fragment.status().message().find("not aligned"), std::string_view::npos) << fragment.status();
+  EXPECT_EQ(service_->GetSessionPoses(context_, SessionId(4711)).status().code(), absl::StatusCode::kNotFound);
+}
+
 TEST_F(SessionsTest, FragmentOwesNoOptimization) {
   MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), Open(), 0);
   const SessionId fragment = Open();

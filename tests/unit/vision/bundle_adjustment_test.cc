@@ -6,6 +6,7 @@
 #include <gtest/gtest.h>
 
 #include <limits>
+#include <numbers>
 #include <string>
 
 namespace mapp {
@@ -174,6 +175,75 @@ TEST(AdjustBundleTest, CancelledAtOnceChangesNothing) {
   EXPECT_LT(MaxPoseError(problem, start), 1e-12);
 }
 
+/// Cameras on a quarter circle, each linked to the next by what the truth says; the estimates are off.
+BundleProblem Chain(int num_frames, Rng& rng) {
+  BundleProblem problem;
+  for (int i = 0; i < num_frames; ++i) {
+    const double heading = 0.5 * std::numbers::pi * i / num_frames;
+    const Pose3 truth(ExpSo3({0, heading, 0}), {5 * std::sin(heading), 0, -5 * std::cos(heading)});
+    problem.frames.push_back({.camera = kCamera, .T_world_camera = truth, .fixed = i == 0});
+  }
+  for (int i = 1; i < num_frames; ++i) {
+    const Pose3 T_from_to = problem.frames[i - 1].T_world_camera.Inverse() * problem.frames[i].T_world_camera;
+    problem.relative_poses.push_back({i - 1, i, T_from_to, 0.01, 0.005});
+  }
+  for (int i = 1; i < num_frames; ++i) {
+    problem.frames[i].T_world_camera = problem.frames[i].T_world_camera * test::RandomPose(0.3, 0.2, rng);
+  }
+  return problem;
+}
+
+TEST(AdjustBundleTest, AGraphOfPosesFollowsItsLinks) {
+  Rng rng(7);
+  BundleProblem problem = Chain(30, rng);
+  BundleOptions options;
+  options.max_iterations = 50;
+  ASSERT_TRUE(AdjustBundle(problem, options).ok());
+  for (const BundleProblem::RelativePose& link : problem.relative_poses) {
+    const Pose3 T_from_to =
+        problem.frames[link.from_idx].T_world_camera.Inverse() * problem.frames[link.to_idx].T_world_camera;
+    EXPECT_LT(Distance(T_from_to, link.T_from_to), 1e-5);
+    EXPECT_LT(RotationAngle(T_from_to, link.T_from_to), 1e-5);
+  }
+}
+
+TEST(AdjustBundleTest, AClosedLoopSharesItsErrorAmongTheLinks) {
+  BundleProblem problem;
+  constexpr int kFrames = 11;
+  // Odometry tells a step of 1.01 m each; the last camera is known to stand at 10 m.
+  for (int i = 0; i < kFrames; ++i) {
+    const Pose3 told(Eigen::Quaterniond::Identity(), {1.01 * i, 0, 0});
+    problem.frames.push_back({.camera = kCamera, .T_world_camera = told, .fixed = i == 0 || i == kFrames - 1});
+    if (i > 0) {
+      problem.relative_poses.push_back({i - 1, i, Pose3(Eigen::Quaterniond::Identity(), {1.01, 0, 0}), 0.02, 0.005});
+    }
+  }
+  problem.frames.back().T_world_camera = Pose3(Eigen::Quaterniond::Identity(), {10, 0, 0});
+  ASSERT_TRUE(AdjustBundle(problem, {}).ok());
+  for (int i = 0; i < kFrames; ++i) {
+    EXPECT_NEAR(problem.frames[i].T_world_camera.translation().x(), 1.0 * i, 1e-4) << i;
+  }
+}
+
+TEST(AdjustBundleTest, ALinkHoldsACameraThatHardlySharesPoints) {
+  BundleProblem problem = TrueProblem(6, 80, /*with_depth=*/false, 0.5);
+  // The last one keeps three observations, each a false match.
+  int num_kept = 0;
+  std::erase_if(problem.observations, [&](BundleProblem::Observation& observation) {
+    if (observation.frame_idx != 5) return false;
+    observation.pixel += Eigen::Vector2d(4, -3);
+    return ++num_kept > 3;
+  });
+  const Pose3 truth = problem.frames[5].T_world_camera;
+  BundleProblem loose = problem;
+  ASSERT_TRUE(AdjustBundle(loose, {}).ok());
+  problem.relative_poses.push_back(
+      {4, 5, problem.frames[4].T_world_camera.Inverse() * truth, /*sigma_m=*/0.002, /*sigma_rad=*/0.001});
+  ASSERT_TRUE(AdjustBundle(problem, {}).ok());
+  EXPECT_GT(Distance(loose.frames[5].T_world_camera, truth), 0.02) << "else the case shows nothing";
+  EXPECT_LT(Distance(problem.frames[5].T_world_camera, truth), 0.01);
+}
+
 TEST(AdjustBundleTest, AcceptsAProblemWithoutObservations) {
   BundleProblem problem;
   problem.frames.push_back({.camera = kCamera, .T_world_camera = Pose3(), .fixed = true});
@@ -209,6 +279,17 @@ INSTANTIATE_TEST_SUITE_P(
         BadProblem{"PointIndex", [](BundleProblem& p) { p.observations[6].point_idx = -1; },
                    "observations[6].point_idx"},
         BadProblem{"Sigma", [](BundleProblem& p) { p.observations[7].sigma_px = 0; }, "observations[7].sigma_px"},
+        BadProblem{"LinkIndex",
+                   [](BundleProblem& p) { p.relative_poses.push_back({.from_idx = 1, .to_idx = 4, .T_from_to = {}}); },
+                   "relative_poses[0]"},
+        BadProblem{"LinkToItself",
+                   [](BundleProblem& p) { p.relative_poses.push_back({.from_idx = 2, .to_idx = 2, .T_from_to = {}}); },
+                   "relative_poses[0]"},
+        BadProblem{"LinkSigma",
+                   [](BundleProblem& p) {
+                     p.relative_poses.push_back({.from_idx = 1, .to_idx = 2, .T_from_to = {}, .sigma_m = 0});
+                   },
+                   "relative_poses[0]"},
         BadProblem{"Pixel",
                    [](BundleProblem& p) { p.observations[8].pixel.x() = std::numeric_limits<double>::quiet_NaN(); },
                    "observations[8].pixel"},

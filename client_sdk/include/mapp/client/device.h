@@ -18,9 +18,17 @@ struct DevicePose {
 struct DeviceFragment {
   ParticipantFragment session;
   std::vector<TrajectoryPose> trajectory;  ///< in the fragment's own frame `session`, unrelated to the others'
+  /// Where the map has its keyframes, when it was asked: Device::FetchKeyframePoses.
+  std::vector<ClientKeyframePose> keyframe_poses;
 };
+/// T_map_camera of the fragment's frames, in order; empty while it is not aligned. Frames localised on a shared map
+/// stay where they were found. The others go where the map has their keyframes, those between two keyframes with both,
+/// by time; without `keyframe_poses`, all with the session's alignment.
+std::vector<TrajectoryPose> TrajectoryInMap(const DeviceFragment& fragment);
 /// The frames of all aligned fragments, in order, as T_map_camera; nullopt where no fragment is aligned.
 std::optional<std::vector<TrajectoryPose>> TrajectoryInMap(const std::vector<DeviceFragment>& fragments);
+/// Fills `keyframe_poses` of the fragments, which are the participant's. Errors: as Participant::FetchKeyframePoses.
+Status FetchKeyframePoses(Participant& participant, std::vector<DeviceFragment>& fragments);
 
 /// The built-in tracker joined to a participant: what most apps use. Where the tracker begins a new fragment, the
 /// device takes part with a session of its own for it, and tracking goes on meanwhile; the fragment has no pose in the
@@ -41,6 +49,9 @@ class Device {
   std::vector<DeviceFragment> fragments() const;
   /// Frames tracked so far in the map's frame, those of aligned fragments; nullopt while there is none.
   std::optional<std::vector<TrajectoryPose>> TrajectoryInMap() const { return mapp::TrajectoryInMap(fragments()); }
+  /// Asks the server where the map has the keyframes of `fragments`, as fragments() gave them, for a trajectory that
+  /// has all corrections made since. Waits for the server; after Close too. Errors: as Participant's.
+  Status FetchKeyframePoses(std::vector<DeviceFragment>& fragments);
   const OrbTracker& tracker() const;
   const Participant& participant() const;
   /// Frames of TrackingResult::would_be_keyframe, as upload_all would have sent them.

@@ -81,6 +81,12 @@ struct ClientSharedMap {
   uint32_t num_tiles_unchanged = 0;
   uint64_t map_revision = 0;
 };
+/// Where the map has a keyframe now.
+struct ClientKeyframePose {
+  uint32_t number = 0;  ///< on the wire
+  int64_t stamp_ns = 0;
+  Pose3 T_map_camera;
+};
 enum class ClientUpdateVerdict { kNone, kExpansion, kUpdating };
 
 /// Events of WatchSession.
@@ -140,6 +146,9 @@ class MapClient {
                                              Patience patience = Patience::kRetry);
   /// Number of keyframes the server holds of the session, and whether an optimisation follows.
   StatusOr<std::pair<uint64_t, bool>> CloseSession(SessionId session);
+  /// The session's keyframes that stand in the map, by number, at their present poses. FAILED_PRECONDITION: it is not
+  /// aligned.
+  StatusOr<std::vector<ClientKeyframePose>> GetSessionPoses(SessionId session);
   /// Calls `on_event` from a thread of its own until the returned handle is destroyed, which waits for a call under
   /// way; reconnects by itself. Ends early only when the server says that it will never answer (no such session). The
   /// handle must not outlive the client.

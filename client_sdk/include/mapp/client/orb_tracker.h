@@ -77,6 +77,9 @@ struct TrajectoryPose {
   int64_t stamp_ns = 0;
   Pose3 T_session_camera;
   bool on_shared_map = false;
+  /// With which the shared map was received that the frame was localised on: T_map_session * T_session_camera is its
+  /// pose in the map, whatever the session's alignment has become since. Absent for other frames.
+  std::optional<Pose3> T_map_session;
 };
 
 /// What is left of a fragment that the tracker has given up: final.

@@ -132,6 +132,10 @@ class Participant {
   std::optional<SessionId> session() const;  ///< absent until the server has opened it
   /// All fragments, in order. The alignments of the latest 16 are followed after their end.
   std::vector<ParticipantFragment> fragments() const;
+  /// Where the map has the keyframes of each fragment now, in the order of fragments(): merges, loops and optimisation
+  /// correct their poses after the upload. Waits for the server; after Close too. None for fragments that are not
+  /// aligned, and those before the latest 17. Errors are the calls'.
+  StatusOr<std::vector<std::vector<ClientKeyframePose>>> FetchKeyframePoses();
   /// Waits until every queued keyframe is sent and, while registering, compared with the map by the server; that
   /// sessions of ended fragments are closed and the optimisations that follow are done. A keyframe that is alone in its
   /// fragment is not waited for, nor what the server has refused. DEADLINE_EXCEEDED when that takes longer, or the

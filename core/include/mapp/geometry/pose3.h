@@ -43,6 +43,8 @@ double RotationAngle(const Pose3& a, const Pose3& b);
 double Distance(const Pose3& a, const Pose3& b);
 /// Cross-product matrix: Skew(a) * b == a x b.
 Eigen::Matrix3d Skew(const Eigen::Vector3d& v);
+/// For perturbations [rho; phi]: T * Exp(d) == Exp(Adjoint(T) * d) * T.
+Eigen::Matrix<double, 6, 6> Adjoint(const Pose3& T);
 /// Rotation vector to rotation, and back.
 Eigen::Quaterniond ExpSo3(const Eigen::Vector3d& phi);
 Eigen::Vector3d LogSo3(const Eigen::Quaterniond& rotation);

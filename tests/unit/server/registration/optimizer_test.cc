@@ -7,6 +7,7 @@
 
 #include <cmath>
 #include <numbers>
+#include <set>
 
 namespace mapp {
 namespace {
@@ -72,8 +73,38 @@ TEST_F(OptimizerTest, BringsPerturbedPosesBack) {
   EXPECT_LT(finished->final_rmse_px, finished->initial_rmse_px);
   EXPECT_EQ(finished->num_frames, 9U) << "the first frame holds the gauge";
   EXPECT_GT(finished->num_points, 100U);
-  EXPECT_LT(PoseRmseM(session), 0.2 * before_m);
+  EXPECT_LT(PoseRmseM(session), 0.25 * before_m);
   EXPECT_TRUE(fixture_.Session(session).optimized);
+}
+
+/// What partial keyframes come to where the map knows much: of the points of the frames before, the later ones keep a
+/// handful, matched a little falsely.
+TEST_F(OptimizerTest, FramesThatShareNextToNothingWithTheRestStayWithTheirOdometry) {
+  const SessionId session = fixture_.OpenSession(SyntheticRoom::DeviceCamera(), /*founder=*/true);
+  constexpr size_t kFirstLate = 5;
+  constexpr int kKept = 4;
+  poses_ = SyntheticRoom::Circle(0.5, 0, 0.1, 10);
+  std::set<uint64_t> early;
+  for (size_t i = 0; i < poses_.size(); ++i) {
+    Keyframe keyframe = room_.View(poses_[i], poses_.front(), session, static_cast<uint32_t>(i), ViewNoise(), rng_);
+    if (i < kFirstLate) {
+      for (const KeyframeFeature& feature : keyframe.features) early.insert(feature.point->id);
+    } else {
+      keyframe.partial = true;
+      int num_kept = 0;
+      std::erase_if(keyframe.features, [&](KeyframeFeature& feature) {
+        if (!early.contains(feature.point->id)) return false;
+        feature.keypoint.u_px += 4;
+        return ++num_kept > kKept;
+      });
+    }
+    fixture_.Store(session, keyframe);
+  }
+  fixture_.CloseSession(session);
+  const auto finished = optimizer_->OptimizeSession({}, session);
+  ASSERT_TRUE(finished.ok()) << finished.status();
+  EXPECT_TRUE(finished->applied);
+  EXPECT_LT(PoseRmseM(session), 0.005);
 }
 
 TEST_F(OptimizerTest, KeepsTheFirstFrameWhereItIs) {
@@ -174,7 +205,8 @@ TEST_F(OptimizerTest, AWholeMapIsAdjustedAtOnceAndTellsHowFarItIs) {
   EXPECT_TRUE(finished->adjustment.applied);
   EXPECT_EQ(finished->adjustment.num_frames, 11U) << "the first frame holds the gauge";
   EXPECT_LT(finished->adjustment.final_rmse_px, 1.0);
-  EXPECT_LT(PoseRmseM(session), 0.2 * before_m);
+  // The poses' noise, independent from one to the next, is ten times what the adjustment takes for odometry's.
+  EXPECT_LT(PoseRmseM(session), 0.25 * before_m);
   EXPECT_EQ(finished->num_fused, 0U) << "nothing in this map is double";
   EXPECT_EQ(finished->num_rounds, 1U);
   ASSERT_GT(told.size(), 3U);
