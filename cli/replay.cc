@@ -79,6 +79,19 @@ ReplayErrors ErrorsOf(const DeviceTrajectory& trajectory, const std::vector<Stam
   return errors;
 }
 
+/// What the error of `poses` and of the sessions they are to be judged with is, all under one alignment.
+StatusOr<std::optional<double>> ErrorTogether(const std::vector<AlignBy>& others, const std::vector<StampedPose>& truth,
+                                              std::vector<StampedPose> poses) {
+  if (others.empty()) return std::optional<double>();
+  std::vector<JudgedTrajectory> all{{truth, std::move(poses)}};
+  for (const AlignBy& other : others) {
+    JudgedTrajectory& judged = all.emplace_back();
+    MAPP_ASSIGN_OR_RETURN(judged.truth, ReadTumTrajectory(other.truth_file));
+    MAPP_ASSIGN_OR_RETURN(judged.estimate, ReadTumTrajectory(other.trajectory_file));
+  }
+  return RmseIfPaired(TogetherTrajectoryError(all));
+}
+
 /// Of the aligned fragments.
 std::vector<FrameLog> MakeFrameLogs(const std::vector<DeviceFragment>& fragments,
                                     const std::vector<PlayedFrame>& frames) {
@@ -195,6 +208,10 @@ Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const
   FillParticipation(*device, report);
   if (!source.ground_truth().empty()) {
     report.errors = ErrorsOf(trajectory, source.ground_truth(), joint);
+    if (trajectory.in_map) {
+      MAPP_ASSIGN_OR_RETURN(report.ate_together_m,
+                            ErrorTogether(options.together_with, source.ground_truth(), trajectory.Stamped()));
+    }
     report.uncorrected_errors = ErrorsOf(uncorrected, source.ground_truth(), joint);
   }
   MAPP_RETURN_IF_ERROR(WriteFiles(options, source, report, trajectory, MakeFrameLogs(fragments, played.frames), out));

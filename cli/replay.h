@@ -9,6 +9,7 @@
 #include <ostream>
 #include <stop_token>
 #include <string>
+#include <vector>
 
 namespace mapp {
 
@@ -17,7 +18,7 @@ enum class ReplayRate {
   kReal,  ///< frames at their recorded times, as a device would see them
 };
 
-/// Ground truth and estimated trajectory of the map's first session, both TUM files.
+/// Ground truth and estimated trajectory of another session of the map, both TUM files.
 struct AlignBy {
   std::string truth_file;
   std::string trajectory_file;
@@ -31,7 +32,8 @@ struct ReplayOptions {
   ReplayLevel level = ReplayLevel::kImages;
   ParticipantOptions participation;  ///< policies and their settings; map and device are those above
   ReplayRate rate = ReplayRate::kMax;
-  std::optional<AlignBy> align_by;
+  std::optional<AlignBy> align_by;     ///< the map's first session
+  std::vector<AlignBy> together_with;  ///< sessions judged with this one under one alignment
   /// TUM, T_map_camera of the aligned fragments, else T_session_camera of the longest one as the file's first line
   /// says; empty: none.
   std::string trajectory_file;

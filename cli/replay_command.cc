@@ -48,6 +48,8 @@ Figures, as in the JSON:
                           scale, and its ate_m is after the best similarity
   ate_joint_m             the same under the alignment of the map's first session,
                           as --align-by gives it: judges the merged map
+  ate_together_m          of this session and those of --together-with, under one
+                          alignment for all of them
   ate_uncorrected_m, ate_joint_uncorrected_m
                           the same without what the server has corrected since the
                           keyframes were sent: as the device knew its way)";
@@ -100,6 +102,11 @@ void AddReplay(CLI::App& app, Command& chosen) {
   command->add_option("--align-by", *align_by, "TUM files of the map's first session: truth, then trajectory")
       ->expected(2)
       ->type_name("TRUTH_0 TRAJECTORY_0");
+  auto together = std::make_shared<std::vector<std::string>>();
+  command
+      ->add_option("--together-with", *together,
+                   "TUM files of other sessions of the map, truth, then trajectory, of each: for ate_together_m")
+      ->type_name("TRUTH TRAJECTORY");
   command
       ->add_option(
           "--trajectory-out", options->trajectory_file,
@@ -121,7 +128,13 @@ void AddReplay(CLI::App& app, Command& chosen) {
       ->required()
       ->type_name("SEQUENCE")
       ->check(CLI::Validator(CheckSequence, ""));
-  command->callback([options, align_by, patience_s, &chosen] {
+  command->callback([options, align_by, together, patience_s, &chosen] {
+    if (together->size() % 2 != 0) {
+      throw CLI::ValidationError("--together-with", "needs a truth and a trajectory of each session");
+    }
+    for (size_t i = 0; i < together->size(); i += 2) {
+      options->together_with.push_back({together->at(i), together->at(i + 1)});
+    }
     if (!align_by->empty()) options->align_by = AlignBy{align_by->at(0), align_by->at(1)};
     options->patience = std::chrono::milliseconds(std::llround(1e3 * *patience_s));
     chosen = [options]() -> Status {

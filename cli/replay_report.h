@@ -120,6 +120,10 @@ struct ReplayReport {
   /// as the device knew its way.
   ReplayErrors uncorrected_errors;
 
+  /// RMSE over this session's frames and those of ReplayOptions::together_with, under the one rigid alignment that
+  /// suits them together best, metres.
+  std::optional<double> ate_together_m;
+
   std::vector<ReplayFragment> fragments;  ///< in order
 
   /// Share of the points asked about that the map did not hold: 1 - overlap_mean.

@@ -139,6 +139,16 @@ StatusOr<TrajectoryError> TrajectoryErrorUnder(const Sim3& T_truth_estimate, con
   return Measure(T_truth_estimate, pairs);
 }
 
+StatusOr<TrajectoryError> TogetherTrajectoryError(const std::vector<JudgedTrajectory>& trajectories, double max_dt_s) {
+  std::vector<PosePair> together;
+  for (const JudgedTrajectory& one : trajectories) {
+    MAPP_ASSIGN_OR_RETURN(const std::vector<PosePair> pairs, Pair(one.truth, one.estimate, max_dt_s));
+    together.insert(together.end(), pairs.begin(), pairs.end());
+  }
+  if (together.empty()) return absl::InvalidArgumentError("trajectories: none is given");
+  return Measure(Align(together, /*with_scale=*/false), together);
+}
+
 StatusOr<double> ScaleError(const std::vector<StampedPose>& truth, const std::vector<StampedPose>& estimate,
                             double max_dt_s) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<PosePair> pairs, Pair(truth, estimate, max_dt_s));

@@ -31,6 +31,16 @@ StatusOr<TrajectoryError> TrajectoryErrorUnder(const Sim3& T_truth_estimate, con
                                                const std::vector<StampedPose>& estimate,
                                                double max_dt_s = kDefaultMaxPairingS);
 
+/// A trajectory with its truth.
+struct JudgedTrajectory {
+  std::vector<StampedPose> truth;
+  std::vector<StampedPose> estimate;
+};
+/// The same of several that claim to be in one frame, all under the one rigid alignment that suits them together best.
+/// Their clocks are their own. INVALID_ARGUMENT: none, or one with fewer than 3 pairs.
+StatusOr<TrajectoryError> TogetherTrajectoryError(const std::vector<JudgedTrajectory>& trajectories,
+                                                  double max_dt_s = kDefaultMaxPairingS);
+
 /// How much longer than the truth the estimate is: 0.01 = lengths come out 1 % too long. From the Sim3 alignment, so
 /// noise alone leaves it near 0. INVALID_ARGUMENT below 3 pairs, or when all estimated positions coincide.
 StatusOr<double> ScaleError(const std::vector<StampedPose>& truth, const std::vector<StampedPose>& estimate,

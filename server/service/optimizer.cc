@@ -19,9 +19,9 @@ namespace {
 constexpr size_t kMaxWaitingSessions = 1024;
 /// A frame that moved further than this was not refined but torn away: the result is dropped.
 constexpr double kMaxFrameMotionM = 0.5;
+constexpr double kMaxFrameTurnRad = 10.0 * std::numbers::pi / 180.0;
 /// Fusing fewer of a map's points than this is not worth another round of adjusting them all.
 constexpr double kMinFusedShare = 0.005;
-constexpr double kMaxFrameTurnRad = 10.0 * std::numbers::pi / 180.0;
 
 using Clock = std::chrono::steady_clock;
 

@@ -59,6 +59,23 @@ TEST(TrajectoryErrorTest, SecondSessionIsJudgedUnderTheFirstOnesAlignment) {
   EXPECT_NEAR(AbsoluteTrajectoryError(truth_1, estimate_1, false)->rmse_m, 0, 1e-6);
 }
 
+TEST(TrajectoryErrorTest, TogetherOneAlignmentHasToSuitAll) {
+  const auto truth = Curve(60);
+  const Pose3 shift(Eigen::Quaterniond::Identity(), {0, 0, 0.2});
+  const auto exact = Moved(SomePose(), 1.0, truth);
+  const auto shifted = Moved(SomePose() * shift, 1.0, truth);
+  const auto same = TogetherTrajectoryError({{truth, exact}, {truth, exact}});
+  ASSERT_TRUE(same.ok()) << same.status();
+  EXPECT_NEAR(same->rmse_m, 0, kTolerance_m);
+  EXPECT_EQ(same->num_paired, 120);
+  // Each is exact for itself, but they lie 0.2 m apart: the best that one alignment can do is half of it to each.
+  const auto apart = TogetherTrajectoryError({{truth, exact}, {truth, shifted}});
+  ASSERT_TRUE(apart.ok()) << apart.status();
+  EXPECT_NEAR(apart->rmse_m, 0.1, kTolerance_m);
+  EXPECT_EQ(TogetherTrajectoryError({}).status().code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_EQ(TogetherTrajectoryError({{truth, exact}, {truth, {}}}).status().code(), absl::StatusCode::kInvalidArgument);
+}
+
 TEST(TrajectoryErrorTest, MeasuresKnownDeviations) {
   const auto truth = Curve(4);
   auto estimate = truth;
