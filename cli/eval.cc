@@ -82,7 +82,8 @@ class FeaturePlayer {
     options.trajectory_file = run.trajectory_file;
     options.truth_file = run.truth_file;
     options.patience = run.patience;
-    if (!run.first_truth_file.empty()) options.align_by = AlignBy{run.first_truth_file, run.first_trajectory_file};
+    if (!run.first_truth_file.empty())
+      options.align_by = TrajectoryFiles{run.first_truth_file, run.first_trajectory_file};
     const auto source = MakeFeatureSource(options.sequence, WorldOf(run.simulation), visit,
                                           static_cast<uint64_t>(visit.poses.front().stamp_ns));
     std::ostringstream table;  // the figures are read from the JSON

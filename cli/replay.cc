@@ -79,17 +79,18 @@ ReplayErrors ErrorsOf(const DeviceTrajectory& trajectory, const std::vector<Stam
   return errors;
 }
 
-/// What the error of `poses` and of the sessions they are to be judged with is, all under one alignment.
-StatusOr<std::optional<double>> ErrorTogether(const std::vector<AlignBy>& others, const std::vector<StampedPose>& truth,
-                                              std::vector<StampedPose> poses) {
-  if (others.empty()) return std::optional<double>();
-  std::vector<JudgedTrajectory> all{{truth, std::move(poses)}};
-  for (const AlignBy& other : others) {
-    JudgedTrajectory& judged = all.emplace_back();
-    MAPP_ASSIGN_OR_RETURN(judged.truth, ReadTumTrajectory(other.truth_file));
-    MAPP_ASSIGN_OR_RETURN(judged.estimate, ReadTumTrajectory(other.trajectory_file));
+/// The sessions that this one is to be judged with.
+StatusOr<std::vector<JudgedTrajectory>> ReadOthers(const ReplayOptions& options, const ReplaySource& source) {
+  std::vector<JudgedTrajectory> others;
+  if (!options.together_with.empty() && source.ground_truth().empty()) {
+    return absl::InvalidArgumentError(fmt::format("--together-with: {} has no ground truth", source.name()));
   }
-  return RmseIfPaired(TogetherTrajectoryError(all));
+  for (const TrajectoryFiles& files : options.together_with) {
+    JudgedTrajectory& other = others.emplace_back();
+    MAPP_ASSIGN_OR_RETURN(other.truth, ReadTumTrajectory(files.truth_file));
+    MAPP_ASSIGN_OR_RETURN(other.estimate, ReadTumTrajectory(files.trajectory_file));
+  }
+  return others;
 }
 
 /// Of the aligned fragments.
@@ -179,6 +180,7 @@ Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std:
 Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const std::stop_token& stop,
                  std::ostream& out) {
   MAPP_ASSIGN_OR_RETURN(const std::optional<Sim3> joint, JointAlignment(options, source));
+  MAPP_ASSIGN_OR_RETURN(std::vector<JudgedTrajectory> judged_with, ReadOthers(options, source));
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<ReplayDevice> device, OpenDevice(options, source));
 
   const auto start = std::chrono::steady_clock::now();
@@ -200,7 +202,8 @@ Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const
   report.peak_rss_bytes = usage.peak_rss_bytes;
   report.duration_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
   const DeviceTrajectory uncorrected = TrajectoryOf(fragments, device->metric());
-  const Status fetched = device->FetchKeyframePoses(fragments);
+  // A server that could not close the session is not asked once more.
+  const Status fetched = closed.ok() ? device->FetchKeyframePoses(fragments) : absl::OkStatus();
   const DeviceTrajectory trajectory = TrajectoryOf(fragments, device->metric());
   MarkTracked(fragments, played.frames);
   FillFrames(played.frames, report);
@@ -208,9 +211,9 @@ Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const
   FillParticipation(*device, report);
   if (!source.ground_truth().empty()) {
     report.errors = ErrorsOf(trajectory, source.ground_truth(), joint);
-    if (trajectory.in_map) {
-      MAPP_ASSIGN_OR_RETURN(report.ate_together_m,
-                            ErrorTogether(options.together_with, source.ground_truth(), trajectory.Stamped()));
+    if (trajectory.in_map && !judged_with.empty()) {
+      judged_with.push_back({source.ground_truth(), trajectory.Stamped()});
+      report.ate_together_m = RmseIfPaired(TogetherTrajectoryError(judged_with));
     }
     report.uncorrected_errors = ErrorsOf(uncorrected, source.ground_truth(), joint);
   }

@@ -19,7 +19,7 @@ enum class ReplayRate {
 };
 
 /// Ground truth and estimated trajectory of another session of the map, both TUM files.
-struct AlignBy {
+struct TrajectoryFiles {
   std::string truth_file;
   std::string trajectory_file;
 };
@@ -32,8 +32,8 @@ struct ReplayOptions {
   ReplayLevel level = ReplayLevel::kImages;
   ParticipantOptions participation;  ///< policies and their settings; map and device are those above
   ReplayRate rate = ReplayRate::kMax;
-  std::optional<AlignBy> align_by;     ///< the map's first session
-  std::vector<AlignBy> together_with;  ///< sessions judged with this one under one alignment
+  std::optional<TrajectoryFiles> align_by;     ///< the map's first session
+  std::vector<TrajectoryFiles> together_with;  ///< sessions judged with this one under one alignment
   /// TUM, T_map_camera of the aligned fragments, else T_session_camera of the longest one as the file's first line
   /// says; empty: none.
   std::string trajectory_file;

@@ -11,6 +11,7 @@
 #include <iostream>
 #include <memory>
 #include <string>
+#include <utility>
 
 namespace mapp {
 namespace {
@@ -102,10 +103,11 @@ void AddReplay(CLI::App& app, Command& chosen) {
   command->add_option("--align-by", *align_by, "TUM files of the map's first session: truth, then trajectory")
       ->expected(2)
       ->type_name("TRUTH_0 TRAJECTORY_0");
-  auto together = std::make_shared<std::vector<std::string>>();
+  auto together = std::make_shared<std::vector<std::pair<std::string, std::string>>>();
   command
       ->add_option("--together-with", *together,
-                   "TUM files of other sessions of the map, truth, then trajectory, of each: for ate_together_m")
+                   "TUM files of another session of the map, truth, then trajectory: for ate_together_m; repeatable")
+      ->allow_extra_args(false)
       ->type_name("TRUTH TRAJECTORY");
   command
       ->add_option(
@@ -129,13 +131,8 @@ void AddReplay(CLI::App& app, Command& chosen) {
       ->type_name("SEQUENCE")
       ->check(CLI::Validator(CheckSequence, ""));
   command->callback([options, align_by, together, patience_s, &chosen] {
-    if (together->size() % 2 != 0) {
-      throw CLI::ValidationError("--together-with", "needs a truth and a trajectory of each session");
-    }
-    for (size_t i = 0; i < together->size(); i += 2) {
-      options->together_with.push_back({together->at(i), together->at(i + 1)});
-    }
-    if (!align_by->empty()) options->align_by = AlignBy{align_by->at(0), align_by->at(1)};
+    for (const auto& [truth, trajectory] : *together) options->together_with.push_back({truth, trajectory});
+    if (!align_by->empty()) options->align_by = TrajectoryFiles{align_by->at(0), align_by->at(1)};
     options->patience = std::chrono::milliseconds(std::llround(1e3 * *patience_s));
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());

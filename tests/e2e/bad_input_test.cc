@@ -138,6 +138,9 @@ INSTANTIATE_TEST_SUITE_P(
         WrongUsage{"OneAlignByFile",
                    {"replay", "--device", "d", "--map", "m", "sim:room/0", "--align-by", "truth.txt"},
                    "--align-by"},
+        WrongUsage{"OneTogetherWithFile",
+                   {"replay", "--device", "d", "--map", "m", "sim:room/0", "--together-with", "truth.txt"},
+                   "--together-with"},
         WrongUsage{"UnknownSimulation", {"replay", "--device", "d", "--map", "m", "sim:cellar/0"}, "sim:cellar/0"},
         WrongUsage{"PictureTooSmall", {"render", "--map", "m", "--out", "x.png", "--width", "3"}, "--width"}),
     [](const auto& suite_info) { return suite_info.param.name; });

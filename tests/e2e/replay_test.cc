@@ -42,10 +42,15 @@ TEST_F(RoomReplayTest, SecondDeviceJoinsTheMapAfterTheServerWasKilled) {
   ExpectMapsThePlace(first, 0.05);
 
   KillAndRestartServer();
-  const Replayed second = Replay("sim:room/1", "second", AlignBy(first));
+  std::vector<std::string> judged = AlignBy(first);
+  judged.push_back("--together-with");
+  judged.insert(judged.end(), judged.begin() + 1, judged.begin() + 3);
+  const Replayed second = Replay("sim:room/1", "second", judged);
   ExpectReaches(
       {.max_aligned_at_keyframe = 15, .max_ate_joint_m = 0.06, .min_shared_frame_ratio = 0.1, .max_upload_share = 0.9},
       second);
+  EXPECT_LE(second.Number("ate_together_m"), 0.06);
+  EXPECT_GT(second.Number("ate_together_m"), 0);
   EXPECT_GT(second.Number("shared_map_requests"), 0);
   EXPECT_LE(second.Number("query_bytes"), 64);
   EXPECT_LE(second.Number("response_bytes_mean"), 200);
