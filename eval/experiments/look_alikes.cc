@@ -81,7 +81,7 @@ StatusOr<ExperimentResult> Measure(EvalContext& context, Level level, const std:
   const size_t num_trials = context.quick() ? num_quick_trials : 50;
   ExperimentResult result;
   ResultTable table;
-  table.id = "look_alikes";
+  table.id = level == Level::kRendered ? "look_alikes_rendered" : "look_alikes";
   table.title = "A founder, and a second device elsewhere in the same world";
   table.columns = {{"setting"},    {"level"},           {"trials", 0},
                    {"aligned", 0}, {"wrong merges", 0}, {"largest joint ATE, m", 3}};
