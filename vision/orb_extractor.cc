@@ -20,6 +20,7 @@ namespace {
 
 constexpr int kMinImageEdge = 64;
 constexpr int kPatchRadius = 15;
+constexpr int kPatchSize = 2 * kPatchRadius + 1;
 /// Corners keep this distance from the level's border: the rotated pattern reaches 13 * sqrt(2) pixels.
 constexpr int kBorder = 19;
 /// A level narrower than this beyond its borders holds nothing worth detecting.
@@ -202,11 +203,19 @@ StatusOr<std::unique_ptr<OrbExtractor>> OrbExtractor::Create(const OrbExtractorO
   auto impl = std::make_unique<Impl>();
   impl->options = options;
   try {
-    impl->describer = cv::ORB::create(kMaxFeatures, kPyramidScale, /*nlevels=*/1, /*edgeThreshold=*/kBorder);
+    impl->describer = cv::ORB::create(kMaxFeatures, kPyramidScale, /*nlevels=*/1, /*edgeThreshold=*/kBorder,
+                                      /*firstLevel=*/0, /*WTA_K=*/2, cv::ORB::HARRIS_SCORE, kPatchSize);
   } catch (const cv::Exception& error) {
     return absl::InternalError(fmt::format("create ORB describer: {}", error.what()));
   }
   return std::unique_ptr<OrbExtractor>(new OrbExtractor(std::move(impl)));
+}
+
+FeatureSettings OrbExtractor::feature_settings() const {
+  return {.descriptor_kind = "ORB-256",
+          .scale_factor = kPyramidScale,
+          .num_levels = kPyramidLevels,
+          .patch_size_px = kPatchSize};
 }
 
 StatusOr<std::vector<Feature>> OrbExtractor::Extract(ImageView<uint8_t> image) {

@@ -2,6 +2,7 @@
 
 #include "mapp/base/status.h"
 #include "mapp/feature/feature.h"
+#include "mapp/feature/feature_settings.h"
 #include "mapp/image/image.h"
 
 #include <memory>
@@ -33,6 +34,9 @@ class OrbExtractor {
 
   /// Features in pixels of the given image. INVALID_ARGUMENT for an image below 64 pixels an edge.
   StatusOr<std::vector<Feature>> Extract(ImageView<uint8_t> image);
+
+  /// What its features can be compared with.
+  FeatureSettings feature_settings() const;
 
  private:
   struct Impl;

@@ -19,12 +19,17 @@ Status Invalid(const std::string& field, const std::string& what) {
   return absl::InvalidArgumentError(fmt::format("{}: {}", field, what));
 }
 
-/// `status` of a core validator whose messages name the field from the camera on ("camera.fx: ...") under `field`.
-Status UnderField(const Status& status, const std::string& field) {
-  constexpr std::string_view kOwnPath = "camera";
+/// `status` of a core validator whose messages name the field from `own_path` on ("camera.fx: ...") under `field`.
+Status UnderField(const Status& status, std::string_view own_path, const std::string& field) {
   const std::string message(status.message().data(), status.message().size());
-  if (message.starts_with(kOwnPath)) return Status(status.code(), field + message.substr(kOwnPath.size()));
+  if (message.starts_with(own_path)) return Status(status.code(), field + message.substr(own_path.size()));
   return Status(status.code(), fmt::format("{}: {}", field, message));
+}
+
+/// Numbers beyond int would wrap; every Validate() refuses what is this large.
+int ClampedInt(uint32_t number) {
+  constexpr uint32_t kLargest = 1U << 30;
+  return static_cast<int>(std::min(number, kLargest));
 }
 
 }  // namespace
@@ -112,16 +117,33 @@ v1::Camera ToProto(const Camera& camera) {
 StatusOr<Camera> FromProto(const v1::Camera& proto, const std::string& field) {
   const std::vector<double> coefficients(proto.coefficients().begin(), proto.coefficients().end());
   StatusOr<Projection> projection = MakeProjection(proto.model(), coefficients);
-  if (!projection.ok()) return UnderField(projection.status(), field);
-  // Sizes beyond int would wrap; Validate() refuses what is this large.
-  constexpr uint32_t kLargest = 1U << 30;
+  if (!projection.ok()) return UnderField(projection.status(), "camera", field);
   Camera camera;
   camera.projection = *projection;
-  camera.width_px = static_cast<int>(std::min(proto.width_px(), kLargest));
-  camera.height_px = static_cast<int>(std::min(proto.height_px(), kLargest));
+  camera.width_px = ClampedInt(proto.width_px());
+  camera.height_px = ClampedInt(proto.height_px());
   camera.stereo_baseline_m = proto.stereo_baseline_m();
-  if (const Status status = camera.Validate(); !status.ok()) return UnderField(status, field);
+  if (const Status status = camera.Validate(); !status.ok()) return UnderField(status, "camera", field);
   return camera;
+}
+
+v1::FeatureSettings ToProto(const FeatureSettings& settings) {
+  v1::FeatureSettings proto;
+  proto.set_descriptor_kind(settings.descriptor_kind);
+  proto.set_scale_factor(settings.scale_factor);
+  proto.set_num_levels(static_cast<uint32_t>(settings.num_levels));
+  proto.set_patch_size_px(static_cast<uint32_t>(settings.patch_size_px));
+  return proto;
+}
+
+StatusOr<FeatureSettings> FromProto(const v1::FeatureSettings& proto, const std::string& field) {
+  const FeatureSettings settings{.descriptor_kind = proto.descriptor_kind(),
+                                 .scale_factor = proto.scale_factor(),
+                                 .num_levels = ClampedInt(proto.num_levels()),
+                                 .patch_size_px = ClampedInt(proto.patch_size_px())};
+  const Status status = settings.Validate();
+  if (!status.ok()) return UnderField(status, "feature_settings", field);
+  return settings;
 }
 
 StatusOr<SessionId> SessionIdFromProto(uint32_t id, const std::string& field) {

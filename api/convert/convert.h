@@ -3,6 +3,7 @@
 #include "mapp/base/id.h"
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
+#include "mapp/feature/feature_settings.h"
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/tile.h"
 #include "mapp/v1/types.pb.h"
@@ -26,6 +27,10 @@ StatusOr<SensorKind> FromProto(v1::SensorKind kind, const std::string& field);
 v1::Camera ToProto(const Camera& camera);
 /// Camera::Validate() included.
 StatusOr<Camera> FromProto(const v1::Camera& camera, const std::string& field);
+
+v1::FeatureSettings ToProto(const FeatureSettings& settings);
+/// FeatureSettings::Validate() included.
+StatusOr<FeatureSettings> FromProto(const v1::FeatureSettings& settings, const std::string& field);
 
 /// Session ids count from 1; 0 is a field that was not set.
 StatusOr<SessionId> SessionIdFromProto(uint32_t id, const std::string& field);

@@ -46,7 +46,7 @@ Status FromGrpcStatus(const grpc::Status& status) {
 }
 
 std::string FieldPath(const Status& status) {
-  if (status.code() != absl::StatusCode::kInvalidArgument) return "";
+  if (!absl::IsInvalidArgument(status) && !absl::IsFailedPrecondition(status)) return "";
   const std::string message = Message(status);
   const size_t colon = message.find(": ");
   if (colon == std::string::npos) return "";

@@ -22,8 +22,8 @@ inline constexpr char kRequestIdMetadataKey[] = "mapp-request-id";
 grpc::Status ToGrpcStatus(const Status& status);
 Status FromGrpcStatus(const grpc::Status& status);
 
-/// "camera.fx" of "camera.fx: must be positive, got 0". Empty for other codes than INVALID_ARGUMENT, and when the
-/// message does not begin with a field's path.
+/// "camera.fx" of "camera.fx: must be positive, got 0". Empty for other codes than INVALID_ARGUMENT and
+/// FAILED_PRECONDITION, and when the message does not begin with a field's path.
 std::string FieldPath(const Status& status);
 
 /// Puts the ErrorDetail of `status` into the call's trailing metadata; nothing for OK.

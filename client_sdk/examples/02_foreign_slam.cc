@@ -129,6 +129,8 @@ mapp::Status Run(const std::string& map_name, const std::string& server) {
   mapp::ParticipantOptions options;
   options.map_name = map_name;
   options.device = "example 02";
+  // Its descriptors are its own and it has no pyramid: the map is then for devices that extract the same.
+  options.features = {.descriptor_kind = "example-02", .num_levels = 1};
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<mapp::Participant> participant,
                         mapp::Participant::Open(client, options, slam.camera(), mapp::SensorKind::kRgbd, &slam));
 

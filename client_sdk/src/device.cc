@@ -45,7 +45,9 @@ StatusOr<std::unique_ptr<Device>> Device::Open(std::unique_ptr<OrbTracker> track
   if (tracker == nullptr) return absl::InvalidArgumentError("tracker: must be given");
   auto impl = std::make_unique<Impl>();
   impl->tracker = std::move(tracker);
-  MAPP_ASSIGN_OR_RETURN(impl->participant, Participant::Open(client_options, options, impl->tracker->camera(),
+  ParticipantOptions with_features = options;
+  with_features.features = impl->tracker->feature_settings();
+  MAPP_ASSIGN_OR_RETURN(impl->participant, Participant::Open(client_options, with_features, impl->tracker->camera(),
                                                              impl->tracker->sensor(), impl->tracker.get()));
   return std::unique_ptr<Device>(new Device(std::move(impl)));
 }

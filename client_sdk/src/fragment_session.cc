@@ -23,6 +23,7 @@ FragmentSession::FragmentSession(std::unique_ptr<MapClient> client, const Sessio
                                  size_t min_to_open)
     : client_(std::move(client)),
       camera_(setup.camera),
+      features_(setup.participation.features),
       adapter_(adapter),
       progress_(setup.participation.max_queued_keyframes, min_to_open),
       worker_(*client_, progress_, &adapter_, setup) {}
@@ -47,7 +48,7 @@ void FragmentSession::Stop() {
 }
 
 void FragmentSession::OnKeyframe(Keyframe keyframe) {
-  if (const Status status = Validate(keyframe, camera_); !status.ok()) {
+  if (const Status status = Validate(keyframe, camera_, features_); !status.ok()) {
     progress_.UpdateStats([&](ParticipantStats& stats) {
       ++stats.num_keyframes;
       ++stats.num_rejected;
@@ -64,7 +65,7 @@ void FragmentSession::OnSharedMapFrame(const SharedMapFrame& frame,
                                        const std::function<std::optional<Keyframe>()>& last_keyframe) {
   if (!progress_.BeginFailure(frame)) return;
   std::optional<Keyframe> keyframe = last_keyframe();
-  if (keyframe && !Validate(*keyframe, camera_).ok()) keyframe.reset();
+  if (keyframe && !Validate(*keyframe, camera_, features_).ok()) keyframe.reset();
   progress_.AddFailure(frame, std::move(keyframe));
 }
 

@@ -74,6 +74,7 @@ class FragmentSession {
 
   const std::unique_ptr<MapClient> client_;
   const Camera camera_;
+  const FeatureSettings features_;
   FragmentAdapter adapter_;
   SessionProgress progress_;
   NetworkWorker worker_;  // its events end before what they change

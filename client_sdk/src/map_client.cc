@@ -151,12 +151,14 @@ MapClient::MapClient(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 MapClient::~MapClient() { impl_->control.Cancel(); }
 
 StatusOr<ClientSession> MapClient::OpenSession(const std::string& map_name, const std::string& device,
-                                               SensorKind sensor, const Camera& camera, bool create_map) {
+                                               SensorKind sensor, const Camera& camera, const FeatureSettings& features,
+                                               bool create_map) {
   v1::OpenSessionRequest request;
   request.set_map_name(map_name);
   request.set_device(device);
   request.set_sensor(ToProto(sensor));
   *request.mutable_camera() = ToProto(camera);
+  *request.mutable_feature_settings() = ToProto(features);
   request.set_create_map(create_map);
   v1::OpenSessionResponse response;
   MAPP_RETURN_IF_ERROR(impl_->Unary(&Impl::Stub::OpenSession, request, response, RetryOn::kUnavailable, {}));

@@ -36,8 +36,8 @@ NetworkWorker::NetworkWorker(MapClient& client, SessionProgress& progress, SlamA
 
 Status NetworkWorker::Open() {
   if (!session_) {
-    MAPP_ASSIGN_OR_RETURN(
-        session_, client_.OpenSession(options_.map_name, options_.device, setup_.sensor, camera_, options_.create_map));
+    MAPP_ASSIGN_OR_RETURN(session_, client_.OpenSession(options_.map_name, options_.device, setup_.sensor, camera_,
+                                                        options_.features, options_.create_map));
     tiles_.emplace(session_->tile_edge_m, kMaxHeldTiles, camera_);
     rng_ = Rng(session_->id.value());
     progress_.OnOpened(session_->id);

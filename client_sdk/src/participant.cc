@@ -33,6 +33,7 @@ Status CheckRange(double value, double low, double high, const char* field) {
 Status ParticipantOptions::Validate() const {
   if (map_name.empty()) return absl::InvalidArgumentError("map_name: must be set");
   if (device.empty()) return absl::InvalidArgumentError("device: must be set");
+  MAPP_RETURN_IF_ERROR(features.Validate());
   MAPP_RETURN_IF_ERROR(CheckRange(num_samples, 1, 1000, "num_samples"));
   MAPP_RETURN_IF_ERROR(CheckRange(seen_overlap, std::nextafter(0.0, 1.0), 1, "seen_overlap"));
   MAPP_RETURN_IF_ERROR(CheckRange(min_seen_by_others, 0, 1, "min_seen_by_others"));

@@ -12,6 +12,10 @@ StatusOr<OpenSessionInput> Decode(const v1::OpenSessionRequest& request) {
   input.map_name = request.map_name();
   input.device = request.device();
   input.create_map = request.create_map();
+  // Older clients tell none, and have the defaults.
+  if (request.has_feature_settings()) {
+    MAPP_ASSIGN_OR_RETURN(input.features, FromProto(request.feature_settings(), "feature_settings"));
+  }
   return input;
 }
 

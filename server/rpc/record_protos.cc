@@ -21,6 +21,7 @@ v1::MapInfo ToProto(const MapRecord& map) {
   info.set_num_sessions(static_cast<uint64_t>(map.num_sessions));
   info.set_tile_edge_m(map.tile_edge_m);
   info.set_cone_range_m(map.cone_range_m);
+  *info.mutable_feature_settings() = ToProto(map.features);
   return info;
 }
 

@@ -106,7 +106,7 @@ StatusOr<UploadResult> Integrator::Integrate(const CallContext& context, const s
   {
     MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store_.Read());
     MAPP_ASSIGN_OR_RETURN(upload.view, LoadSession(*reader, upload.keyframe.session));
-    MAPP_RETURN_IF_ERROR(Validate(upload.keyframe, upload.view.camera));
+    MAPP_RETURN_IF_ERROR(Validate(upload.keyframe, upload.view.camera, upload.view.map.features));
     MAPP_ASSIGN_OR_RETURN(const auto stored, reader->FindFrame(upload.keyframe.session, upload.keyframe.number));
     if (stored) return StoredBefore(*reader, upload.view.session, *stored);
     MAPP_RETURN_IF_ERROR(CheckOpen(upload.view.session));

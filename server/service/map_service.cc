@@ -38,17 +38,41 @@ Status Validate(const OpenSessionInput& input) {
   MAPP_RETURN_IF_ERROR(ValidateName(input.map_name, "map_name"));
   MAPP_RETURN_IF_ERROR(ValidateName(input.device, "device"));
   MAPP_RETURN_IF_ERROR(input.camera.Validate());
+  MAPP_RETURN_IF_ERROR(input.features.Validate());
   if (input.sensor == SensorKind::kStereo && input.camera.stereo_baseline_m <= 0) {
     return absl::InvalidArgumentError("camera.stereo_baseline_m: must be positive for a stereo session");
   }
   return absl::OkStatus();
 }
 
+/// Features of other settings than the map's look like features and match nothing, or the wrong thing.
+Status CheckFeatures(const FeatureSettings& features, const MapRecord& map) {
+  const std::optional<FeatureSettingsDifference> difference = FirstDifference(map.features, features);
+  if (!difference) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format(
+      "feature_settings.{}: the map \"{}\" was made with {}, this session has {}; use the map's settings or "
+      "another map",
+      difference->field, map.name, difference->a, difference->b));
+}
+
+/// Alignment, association and optimisation take octaves for powers of this scale: a map of another would be wrong.
+Status CheckScaleIsComputedWith(const FeatureSettings& features) {
+  FeatureSettings computed_with = features;
+  computed_with.scale_factor = kPyramidScale;
+  const std::optional<FeatureSettingsDifference> difference = FirstDifference(computed_with, features);
+  if (!difference) return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format("feature_settings.{}: this server makes maps of {} only, got {}",
+                                                difference->field, difference->a, difference->b));
+}
+
 StatusOr<MapRecord> FindOrCreateMap(MapWriter& writer, const OpenSessionInput& input) {
   StatusOr<MapRecord> found = writer.FindMap(input.map_name);
+  if (found.ok()) MAPP_RETURN_IF_ERROR(CheckFeatures(input.features, *found));
   if (found.ok() || !absl::IsNotFound(found.status()) || !input.create_map) return found;
+  MAPP_RETURN_IF_ERROR(CheckScaleIsComputedWith(input.features));
   MapRecord map;
   map.name = input.map_name;
+  map.features = input.features;
   MAPP_ASSIGN_OR_RETURN(const MapId id, writer.CreateMap(map));
   return writer.GetMap(id);
 }
@@ -69,7 +93,7 @@ StatusOr<ReportedKeyframe> DecodeReported(const std::string& packet, const Sessi
     return absl::InvalidArgumentError(fmt::format("{}.session_id: is {}, but session {} reports it", field,
                                                   keyframe->session.value(), session.session.id.value()));
   }
-  MAPP_RETURN_IF_ERROR(Annotate(Validate(*keyframe, session.camera), field));
+  MAPP_RETURN_IF_ERROR(Annotate(Validate(*keyframe, session.camera, session.map.features), field));
   MAPP_ASSIGN_OR_RETURN(MapView view,
                         ViewInMap(session, keyframe->pose_frame, keyframe->T_frame_camera, field + ".pose"));
   return ReportedKeyframe{std::move(view), *std::move(keyframe)};

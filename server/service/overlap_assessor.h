@@ -15,6 +15,7 @@ struct MapView {
   Pose3 T_map_camera;
   Camera camera;
   double range_m = kDefaultConeRangeM;  ///< h of the map
+  int num_levels = kPyramidLevels;      ///< of the pyramid of the map's features
 
   ViewCone Cone() const { return {T_map_camera, range_m, camera.FieldOfView()}; }
 };

@@ -16,6 +16,7 @@ struct OpenSessionInput {
   std::string device;
   SensorKind sensor = SensorKind::kRgbd;
   Camera camera;
+  FeatureSettings features = {};
   bool create_map = false;
 };
 struct OpenedSession {

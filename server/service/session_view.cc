@@ -38,7 +38,7 @@ StatusOr<Pose3> PoseInMap(const SessionRecord& session, PoseFrame pose_frame, co
 StatusOr<MapView> ViewInMap(const SessionView& view, PoseFrame pose_frame, const Pose3& T_frame_camera,
                             const std::string& field) {
   MAPP_ASSIGN_OR_RETURN(const Pose3 T_map_camera, PoseInMap(view.session, pose_frame, T_frame_camera, field));
-  return MapView{view.map.id, T_map_camera, view.camera, view.map.cone_range_m};
+  return MapView{view.map.id, T_map_camera, view.camera, view.map.cone_range_m, view.map.features.num_levels};
 }
 
 }  // namespace mapp

@@ -141,7 +141,8 @@ class Comparison {
     const double focal_px = view.camera.MeanFocalPx();
     for (const auto& tile : search.tiles()) {
       tile->ForEachPoint([&](const LoadedPoint& point) {
-        if (point.confidence < options_.min_confidence || !IsSeenAlike(point, center, focal_px)) return;
+        if (point.confidence < options_.min_confidence || !IsSeenAlike(point, center, focal_px, view.num_levels))
+          return;
         const Eigen::Vector3d p_camera = T_camera_map * point.p_map.cast<double>();
         if (p_camera.z() <= 0 || p_camera.z() > view.range_m || !InImage(view.camera, p_camera)) return;
         Judge(point, p_camera.cast<float>(), own);
@@ -158,11 +159,11 @@ class Comparison {
   }
 
   /// From a like direction, and from where the detector's pyramid reaches it.
-  static bool IsSeenAlike(const LoadedPoint& point, const Eigen::Vector3f& center, double focal_px) {
+  static bool IsSeenAlike(const LoadedPoint& point, const Eigen::Vector3f& center, double focal_px, int num_levels) {
     const Eigen::Vector3f ray = point.p_map - center;
     const float distance_m = ray.norm();
     const float farthest_m = ReferenceFor(focal_px, point.reference_distance_m);
-    const float nearest_m = farthest_m / OctaveScale(kPyramidLevels - 1);
+    const float nearest_m = farthest_m / OctaveScale(num_levels - 1);
     if (distance_m < nearest_m || distance_m > farthest_m * kPyramidScale) return false;
     const auto least_dot = static_cast<float>(std::cos(kLikeViewAngle)) * distance_m;
     for (uint32_t i = 0; i < point.num_observers; ++i) {

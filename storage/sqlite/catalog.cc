@@ -118,7 +118,7 @@ StatusOr<MapId> CreateMap(Connection& db, ChangeLedger& ledger, const MapRecord&
       db.Prepare("INSERT INTO maps (name, created_ns, revision, tile_edge_m, cone_range_m, num_frames, num_points, "
                  "num_sessions, feature_descriptor, feature_scale_factor, feature_num_levels, feature_patch_size_px) "
                  "VALUES (?, ?, 0, ?, ?, 0, 0, 0, ?, ?, ?, ?)")
-          .Bind(map.name, ledger.now_ns(), map.tile_edge_m, map.cone_range_m, features.descriptor,
+          .Bind(map.name, ledger.now_ns(), map.tile_edge_m, map.cone_range_m, features.descriptor_kind,
                 features.scale_factor, features.num_levels, features.patch_size_px)
           .Run());
   return MapId(static_cast<uint64_t>(db.last_insert_id()));

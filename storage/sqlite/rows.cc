@@ -47,7 +47,7 @@ StatusOr<MapRecord> ReadMap(const Statement& row) {
   map.num_frames = row.Int64(7);
   map.num_points = row.Int64(8);
   map.num_sessions = row.Int64(9);
-  map.features = {.descriptor = Text(row, 10),
+  map.features = {.descriptor_kind = Text(row, 10),
                   .scale_factor = static_cast<float>(row.Double(11)),
                   .num_levels = static_cast<int>(row.Int64(12)),
                   .patch_size_px = static_cast<int>(row.Int64(13))};

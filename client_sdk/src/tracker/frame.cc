@@ -31,7 +31,7 @@ StatusOr<std::unique_ptr<OrbExtractor>> MakeExtractor(const OrbTrackerOptions& o
 class MonoFrameBuilder : public FrameBuilder {
  public:
   MonoFrameBuilder(const TrackingCamera& camera, std::unique_ptr<OrbExtractor> extractor)
-      : FrameBuilder(camera), extractor_(std::move(extractor)) {}
+      : FrameBuilder(camera, extractor->feature_settings()), extractor_(std::move(extractor)) {}
 
   Status Validate(const TrackerFrame& images) const override {
     return ValidateImage(images.gray, camera().recorded, "gray");
@@ -53,7 +53,7 @@ class MonoFrameBuilder : public FrameBuilder {
 class RgbdFrameBuilder : public FrameBuilder {
  public:
   RgbdFrameBuilder(const TrackingCamera& camera, std::unique_ptr<OrbExtractor> extractor)
-      : FrameBuilder(camera), extractor_(std::move(extractor)) {}
+      : FrameBuilder(camera, extractor->feature_settings()), extractor_(std::move(extractor)) {}
 
   Status Validate(const TrackerFrame& images) const override {
     MAPP_RETURN_IF_ERROR(ValidateImage(images.gray, camera().recorded, "gray"));
@@ -81,7 +81,7 @@ class StereoFrameBuilder : public FrameBuilder {
   StereoFrameBuilder(const TrackingCamera& rectified_camera, const Camera& left, const Camera& right,
                      std::unique_ptr<StereoRectifier> rectifier, std::unique_ptr<OrbExtractor> left_extractor,
                      std::unique_ptr<OrbExtractor> right_extractor)
-      : FrameBuilder(rectified_camera),
+      : FrameBuilder(rectified_camera, left_extractor->feature_settings()),
         left_(left),
         right_(right),
         rectifier_(std::move(rectifier)),

@@ -4,12 +4,14 @@
 #include "mapp/base/status.h"
 #include "mapp/client/orb_tracker.h"
 #include "mapp/feature/feature.h"
+#include "mapp/feature/feature_settings.h"
 #include "vision/matching.h"
 
 #include <Eigen/Core>
 
 #include <cstdint>
 #include <memory>
+#include <utility>
 #include <vector>
 
 namespace mapp::tracker {
@@ -31,18 +33,21 @@ class FrameBuilder {
  public:
   virtual ~FrameBuilder() = default;
   const TrackingCamera& camera() const { return camera_; }
+  const FeatureSettings& feature_settings() const { return feature_settings_; }
   /// INVALID_ARGUMENT naming the image that is missing or of another size than the camera's.
   virtual Status Validate(const TrackerFrame& images) const = 0;
   /// Expects images that passed Validate.
   virtual StatusOr<std::shared_ptr<const Frame>> Build(const TrackerFrame& images) = 0;
 
  protected:
-  explicit FrameBuilder(const TrackingCamera& camera) : camera_(camera) {}
+  FrameBuilder(const TrackingCamera& camera, FeatureSettings feature_settings)
+      : camera_(camera), feature_settings_(std::move(feature_settings)) {}
   /// Undistorts and indexes the features of `frame`, whose depths are already set.
   void FinishFrame(Frame* frame) const;
 
  private:
   TrackingCamera camera_;
+  FeatureSettings feature_settings_;
 };
 
 StatusOr<std::unique_ptr<FrameBuilder>> MakeMonoFrameBuilder(const Camera& camera, const OrbTrackerOptions& options);

@@ -173,6 +173,8 @@ const Camera& OrbTracker::camera() const { return impl_->frame_builder->camera()
 
 SensorKind OrbTracker::sensor() const { return impl_->frame_builder->camera().sensor; }
 
+const FeatureSettings& OrbTracker::feature_settings() const { return impl_->frame_builder->feature_settings(); }
+
 LocalMappingStats OrbTracker::local_mapping() const {
   LatencyRecorder latency = impl_->ended_mapping;
   latency.Add(impl_->session->mapper().latency());

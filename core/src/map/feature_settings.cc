@@ -30,9 +30,9 @@ Status OutOfRange(std::string_view field, auto low, auto high, auto value) {
 }  // namespace
 
 Status FeatureSettings::Validate() const {
-  if (!IsDescriptorName(descriptor)) {
+  if (!IsDescriptorName(descriptor_kind)) {
     return absl::InvalidArgumentError(
-        fmt::format("feature_settings.descriptor: must be 1 to {} of A-Z a-z 0-9 . _ + -", kMaxDescriptorName));
+        fmt::format("feature_settings.descriptor_kind: must be 1 to {} of A-Z a-z 0-9 . _ + -", kMaxDescriptorName));
   }
   if (!(scale_factor >= kMinScaleFactor && scale_factor <= kMaxScaleFactor)) {
     return OutOfRange("scale_factor", kMinScaleFactor, kMaxScaleFactor, scale_factor);
@@ -48,7 +48,7 @@ std::optional<FeatureSettingsDifference> FirstDifference(const FeatureSettings& 
   const auto differ = [](const char* field, const auto& of_a, const auto& of_b) {
     return FeatureSettingsDifference{field, fmt::format("{}", of_a), fmt::format("{}", of_b)};
   };
-  if (a.descriptor != b.descriptor) return differ("descriptor", a.descriptor, b.descriptor);
+  if (a.descriptor_kind != b.descriptor_kind) return differ("descriptor_kind", a.descriptor_kind, b.descriptor_kind);
   if (!(std::abs(a.scale_factor - b.scale_factor) <= kScaleFactorTolerance)) {
     return differ("scale_factor", a.scale_factor, b.scale_factor);
   }

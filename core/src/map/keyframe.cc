@@ -9,7 +9,7 @@ namespace {
 
 constexpr float kMaxDepthM = 10000.0F;
 
-Status ValidateFeature(const KeyframeFeature& feature, size_t idx, const Camera& camera) {
+Status ValidateFeature(const KeyframeFeature& feature, size_t idx, const Camera& camera, int num_levels) {
   const Keypoint& keypoint = feature.keypoint;
   const Eigen::Vector2d pixel(keypoint.u_px, keypoint.v_px);
   if (!pixel.allFinite() || !camera.Contains(pixel)) {
@@ -17,9 +17,10 @@ Status ValidateFeature(const KeyframeFeature& feature, size_t idx, const Camera&
                                                   idx, keypoint.u_px, keypoint.v_px, camera.width_px,
                                                   camera.height_px));
   }
-  if (keypoint.octave >= kPyramidLevels) {
+  if (keypoint.octave >= num_levels) {
     return absl::InvalidArgumentError(
-        fmt::format("keyframe.features[{}].octave: must be below {}, got {}", idx, kPyramidLevels, keypoint.octave));
+        fmt::format("keyframe.features[{}].octave: must be below num_levels {} of the feature settings, got {}", idx,
+                    num_levels, keypoint.octave));
   }
   if (!std::isfinite(keypoint.angle)) {
     return absl::InvalidArgumentError(fmt::format("keyframe.features[{}].angle: must be finite", idx));
@@ -37,7 +38,7 @@ Status ValidateFeature(const KeyframeFeature& feature, size_t idx, const Camera&
 
 }  // namespace
 
-Status Validate(const Keyframe& keyframe, const Camera& camera) {
+Status Validate(const Keyframe& keyframe, const Camera& camera, const FeatureSettings& features) {
   if (!keyframe.T_frame_camera.IsFinite()) return absl::InvalidArgumentError("keyframe.pose: must be finite");
   const double farthest = keyframe.T_frame_camera.translation().cwiseAbs().maxCoeff();
   if (farthest > kMaxCoordinateM) {
@@ -52,7 +53,7 @@ Status Validate(const Keyframe& keyframe, const Camera& camera) {
         fmt::format("keyframe.features: at most {}, got {}", kMaxFeatures, keyframe.features.size()));
   }
   for (size_t i = 0; i < keyframe.features.size(); ++i) {
-    MAPP_RETURN_IF_ERROR(ValidateFeature(keyframe.features[i], i, camera));
+    MAPP_RETURN_IF_ERROR(ValidateFeature(keyframe.features[i], i, camera, features.num_levels));
   }
   return absl::OkStatus();
 }

@@ -1,5 +1,6 @@
 // What no well-meaning client sends: refused with the right code and the field's path, and nothing stored of it.
 
+#include "api/convert/convert.h"
 #include "api/status/grpc_status.h"
 #include "mapp/codec/keyframe_codec.h"
 #include "mapp/codec/query_codec.h"
@@ -114,15 +115,19 @@ TEST_P(BadOpenTest, IsRefusedByPathAndMakesNoMap) {
 
 INSTANTIATE_TEST_SUITE_P(
     All, BadOpenTest,
-    ::testing::Values(BadOpen{"NoMapName", "map_name", [](auto& r) { r.clear_map_name(); }},
-                      BadOpen{"LongDeviceName", "device", [](auto& r) { r.set_device(std::string(129, 'x')); }},
-                      BadOpen{"NoSensor", "sensor", [](auto& r) { r.clear_sensor(); }},
-                      BadOpen{"NoCamera", "camera", [](auto& r) { r.clear_camera(); }},
-                      BadOpen{"ZeroFocalLength", "camera.fx",
-                              [](auto& r) { r.mutable_camera()->set_coefficients(0, 0); }},
-                      BadOpen{"UnknownModel", "camera.model", [](auto& r) { r.mutable_camera()->set_model("magic"); }},
-                      BadOpen{"NaNPrincipalPoint", "camera.cx",
-                              [](auto& r) { r.mutable_camera()->set_coefficients(2, std::nan("")); }}),
+    ::testing::Values(
+        BadOpen{"NoMapName", "map_name", [](auto& r) { r.clear_map_name(); }},
+        BadOpen{"LongDeviceName", "device", [](auto& r) { r.set_device(std::string(129, 'x')); }},
+        BadOpen{"NoSensor", "sensor", [](auto& r) { r.clear_sensor(); }},
+        BadOpen{"NoCamera", "camera", [](auto& r) { r.clear_camera(); }},
+        BadOpen{"ZeroFocalLength", "camera.fx", [](auto& r) { r.mutable_camera()->set_coefficients(0, 0); }},
+        BadOpen{"UnknownModel", "camera.model", [](auto& r) { r.mutable_camera()->set_model("magic"); }},
+        BadOpen{"NaNPrincipalPoint", "camera.cx",
+                [](auto& r) { r.mutable_camera()->set_coefficients(2, std::nan("")); }},
+        BadOpen{"EmptyFeatureSettings", "feature_settings.descriptor_kind",
+                [](auto& r) { r.mutable_feature_settings(); }},
+        BadOpen{"FeatureScaleOfNoMap", "feature_settings.scale_factor",
+                [](auto& r) { *r.mutable_feature_settings() = ToProto(FeatureSettings{.scale_factor = 1.5F}); }}),
     [](const auto& tested) { return tested.param.name; });
 
 TEST_F(BadRequestTest, AMapThatDoesNotExistIsNotFound) {
@@ -132,6 +137,24 @@ TEST_F(BadRequestTest, AMapThatDoesNotExistIsNotFound) {
   EXPECT_EQ(outcome.status.error_code(), grpc::StatusCode::NOT_FOUND);
   EXPECT_EQ(outcome.reason, "NOT_FOUND");
   EXPECT_THAT(outcome.status.error_message(), HasSubstr("nowhere"));
+}
+
+TEST_F(BadRequestTest, FeaturesOfAnotherSettingThanTheMapsAreRefusedByPath) {
+  // Of an older client, that tells no settings: the map has the defaults.
+  Open();
+  const v1::FeatureSettings kept = GetMap().feature_settings();
+  EXPECT_EQ(kept.SerializeAsString(), ToProto(FeatureSettings()).SerializeAsString());
+  v1::OpenSessionRequest request = OpenRequest();
+  *request.mutable_feature_settings() = kept;
+  EXPECT_TRUE(OpenSession(request).status.ok());
+
+  request.mutable_feature_settings()->set_scale_factor(1.5F);
+  const Outcome outcome = OpenSession(request);
+  EXPECT_EQ(outcome.status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  EXPECT_EQ(outcome.field, "feature_settings.scale_factor");
+  EXPECT_EQ(outcome.reason, "FAILED_PRECONDITION");
+  EXPECT_THAT(outcome.status.error_message(), StartsWith(outcome.field + ": "));
+  EXPECT_EQ(GetMap().num_sessions(), 2U);
 }
 
 // AssessOverlap

@@ -103,6 +103,42 @@ INSTANTIATE_TEST_SUITE_P(
         BadCamera{"NegativeBaseline", "stereo_baseline_m", [](v1::Camera& c) { c.set_stereo_baseline_m(-0.1); }}),
     [](const auto& param_info) { return param_info.param.name; });
 
+TEST(ConvertTest, FeatureSettingsRoundTrip) {
+  const FeatureSettings settings{
+      .descriptor_kind = "BEBLID-256", .scale_factor = 1.5F, .num_levels = 4, .patch_size_px = 41};
+  const StatusOr<FeatureSettings> back = FromProto(ToProto(settings), "feature_settings");
+  ASSERT_TRUE(back.ok()) << back.status();
+  EXPECT_EQ(back->descriptor_kind, settings.descriptor_kind);
+  EXPECT_EQ(back->scale_factor, settings.scale_factor);
+  EXPECT_EQ(back->num_levels, settings.num_levels);
+  EXPECT_EQ(back->patch_size_px, settings.patch_size_px);
+}
+
+struct BadFeatures {
+  std::string name;
+  std::string field;
+  std::function<void(v1::FeatureSettings&)> spoil;
+};
+class BadFeaturesTest : public testing::TestWithParam<BadFeatures> {};
+
+TEST_P(BadFeaturesTest, AreRefusedByPath) {
+  v1::FeatureSettings settings = ToProto(FeatureSettings());
+  GetParam().spoil(settings);
+  const Status status = FromProto(settings, "sessions[2].features").status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(MessageOf(status), StartsWith("sessions[2].features." + GetParam().field + ": "));
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    All, BadFeaturesTest,
+    testing::Values(BadFeatures{"NoDescriptor", "descriptor_kind", [](auto& s) { s.clear_descriptor_kind(); }},
+                    BadFeatures{"NoScale", "scale_factor", [](auto& s) { s.clear_scale_factor(); }},
+                    BadFeatures{"NaNScale", "scale_factor", [](auto& s) { s.set_scale_factor(std::nanf("")); }},
+                    BadFeatures{"NoLevels", "num_levels", [](auto& s) { s.clear_num_levels(); }},
+                    BadFeatures{"LevelsBeyondInt", "num_levels", [](auto& s) { s.set_num_levels(0xffffffffU); }},
+                    BadFeatures{"NoPatch", "patch_size_px", [](auto& s) { s.clear_patch_size_px(); }}),
+    [](const auto& param_info) { return param_info.param.name; });
+
 TEST(ConvertTest, SensorKindsRoundTrip) {
   for (const SensorKind kind : {SensorKind::kMono, SensorKind::kMonoInertial, SensorKind::kStereo, SensorKind::kRgbd}) {
     const StatusOr<SensorKind> back = FromProto(ToProto(kind), "sensor");

@@ -24,6 +24,12 @@ TEST(GrpcStatusTest, FieldPathIsWhatStandsBeforeTheFirstColon) {
   EXPECT_EQ(FieldPath(absl::InvalidArgumentError("held_tiles[12].key: 0x1 is not a tile key")), "held_tiles[12].key");
 }
 
+TEST(GrpcStatusTest, APreconditionMayNameItsField) {
+  EXPECT_EQ(FieldPath(absl::FailedPreconditionError("feature_settings.num_levels: the map was made with 8")),
+            "feature_settings.num_levels");
+  EXPECT_EQ(FieldPath(absl::FailedPreconditionError("session 3 is quarantined since 2026: depths")), "");
+}
+
 TEST(GrpcStatusTest, NoFieldPathWithoutAPath) {
   EXPECT_EQ(FieldPath(absl::InvalidArgumentError("the whole request is odd")), "");
   EXPECT_EQ(FieldPath(absl::InvalidArgumentError("no such thing: a sentence is not a path")), "");

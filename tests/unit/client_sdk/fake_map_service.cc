@@ -102,6 +102,10 @@ std::vector<uint32_t> FakeMapService::closed_sessions() const {
   MutexLock lock(mutex_);
   return closed_sessions_;
 }
+std::vector<v1::OpenSessionRequest> FakeMapService::opened() const {
+  MutexLock lock(mutex_);
+  return opened_;
+}
 int FakeMapService::num_closes() const {
   MutexLock lock(mutex_);
   return num_closes_;
@@ -111,11 +115,12 @@ int FakeMapService::num_watches() const {
   return num_watches_;
 }
 
-grpc::Status FakeMapService::OpenSession(grpc::ServerContext*, const v1::OpenSessionRequest*,
+grpc::Status FakeMapService::OpenSession(grpc::ServerContext*, const v1::OpenSessionRequest* request,
                                          v1::OpenSessionResponse* response) {
   MutexLock lock(mutex_);
   ++num_open_attempts_;
   if (const grpc::Status status = Next(script_.open_errors); !status.ok()) return status;
+  opened_.push_back(*request);
   response->set_session_id(next_session_++);
   response->set_map_id(1);
   response->set_cone_range_m(20);

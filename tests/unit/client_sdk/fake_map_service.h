@@ -60,6 +60,7 @@ class FakeMapService final : public v1::MapService::Service {
   std::vector<Keyframe> reported() const;
   int num_upload_attempts() const;
   int num_open_attempts() const;
+  std::vector<v1::OpenSessionRequest> opened() const;
   int num_closes() const;
   std::vector<uint32_t> closed_sessions() const;  ///< in order, each once
   int num_watches() const;
@@ -86,6 +87,7 @@ class FakeMapService final : public v1::MapService::Service {
   CondVar changed_;
   Script script_ ABSL_GUARDED_BY(mutex_);
   std::vector<Keyframe> uploads_ ABSL_GUARDED_BY(mutex_);
+  std::vector<v1::OpenSessionRequest> opened_ ABSL_GUARDED_BY(mutex_);
   std::vector<v1::AssessOverlapRequest> queries_ ABSL_GUARDED_BY(mutex_);
   std::vector<v1::RequestSharedMapRequest> shared_map_requests_ ABSL_GUARDED_BY(mutex_);
   std::vector<Keyframe> reported_ ABSL_GUARDED_BY(mutex_);

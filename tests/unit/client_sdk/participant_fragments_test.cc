@@ -71,6 +71,21 @@ TEST_F(ParticipantFragmentsTest, AFragmentWithoutAPlaceIsNotAskedFor) {
   EXPECT_THAT(poses->front(), SizeIs(0));
 }
 
+TEST_F(ParticipantFragmentsTest, EverySessionTellsTheFeatureSettings) {
+  options_.features = {.descriptor_kind = "BEBLID-256", .scale_factor = 1.25F, .num_levels = 3, .patch_size_px = 41};
+  OpenAligned();
+  BeginFragmentOfTwo();
+  ExpectIdle();
+  const std::vector<v1::OpenSessionRequest> opened = server_.opened();
+  ASSERT_THAT(opened, SizeIs(2));
+  for (const v1::OpenSessionRequest& request : opened) {
+    EXPECT_EQ(request.feature_settings().descriptor_kind(), "BEBLID-256");
+    EXPECT_EQ(request.feature_settings().scale_factor(), 1.25F);
+    EXPECT_EQ(request.feature_settings().num_levels(), 3U);
+    EXPECT_EQ(request.feature_settings().patch_size_px(), 41U);
+  }
+}
+
 TEST_F(ParticipantFragmentsTest, TheOldSessionIsSentToItsEndAndClosedAndANewOneOpened) {
   OpenAligned();
   for (uint32_t number = 1; number < 4; ++number) Queue(number);

@@ -184,11 +184,27 @@ TEST_F(ParticipantTest, KeyframesAfterCloseAreDropped) {
   EXPECT_EQ(participant_->stats().num_dropped, 1U);
 }
 
+TEST_F(ParticipantTest, KeyframesOfOtherSettingsThanToldAreNotSent) {
+  options_.features.num_levels = 3;
+  Open();
+  Keyframe keyframe = TestKeyframe(0, At(0));
+  keyframe.features[2].keypoint.octave = 3;
+  participant_->OnKeyframe(keyframe);
+  ASSERT_TRUE(participant_->WaitIdle(kPatience).ok());
+  EXPECT_EQ(participant_->stats().num_rejected, 1U);
+  EXPECT_THAT(participant_->stats().last_error, HasSubstr("keyframe.features[2].octave: must be below num_levels 3"));
+  EXPECT_EQ(server_.num_upload_attempts(), 0);
+}
+
 TEST_F(ParticipantTest, OptionsAreCheckedByName) {
   options_.num_samples = 1001;
   auto opened = Participant::Open(client_options_, options_, TestCamera(), SensorKind::kRgbd, &adapter_);
   EXPECT_THAT(opened.status().ToString(), HasSubstr("num_samples: "));
   options_.num_samples = 1000;
+  options_.features.patch_size_px = 0;
+  opened = Participant::Open(client_options_, options_, TestCamera(), SensorKind::kRgbd, &adapter_);
+  EXPECT_THAT(opened.status().ToString(), HasSubstr("feature_settings.patch_size_px: "));
+  options_.features = {};
   opened = Participant::Open(client_options_, options_, TestCamera(), SensorKind::kRgbd, nullptr);
   EXPECT_THAT(opened.status().ToString(), HasSubstr("adapter: "));
 }

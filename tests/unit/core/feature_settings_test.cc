@@ -26,9 +26,10 @@ struct BadSettings {
 class BadFeatureSettingsTest : public testing::TestWithParam<BadSettings> {};
 INSTANTIATE_TEST_SUITE_P(
     Fields, BadFeatureSettingsTest,
-    testing::Values(BadSettings{{.descriptor = ""}, "descriptor"}, BadSettings{{.descriptor = "ORB 256"}, "descriptor"},
-                    BadSettings{{.descriptor = "ORB\n"}, "descriptor"},
-                    BadSettings{{.descriptor = std::string(33, 'x')}, "descriptor"},
+    testing::Values(BadSettings{{.descriptor_kind = ""}, "descriptor_kind"},
+                    BadSettings{{.descriptor_kind = "ORB 256"}, "descriptor_kind"},
+                    BadSettings{{.descriptor_kind = "ORB\n"}, "descriptor_kind"},
+                    BadSettings{{.descriptor_kind = std::string(33, 'x')}, "descriptor_kind"},
                     BadSettings{{.scale_factor = std::numeric_limits<float>::quiet_NaN()}, "scale_factor"},
                     BadSettings{{.scale_factor = std::numeric_limits<float>::infinity()}, "scale_factor"},
                     BadSettings{{.scale_factor = 1}, "scale_factor"},
@@ -54,7 +55,7 @@ TEST(FeatureSettingsTest, FindsTheFieldThatDiffersAndBothValues) {
     EXPECT_EQ(difference->a, a);
     EXPECT_EQ(difference->b, b);
   };
-  expect({.descriptor = "AKAZE-256"}, "descriptor", "ORB-256", "AKAZE-256");
+  expect({.descriptor_kind = "AKAZE-256"}, "descriptor_kind", "ORB-256", "AKAZE-256");
   expect({.scale_factor = 1.5F}, "scale_factor", "1.2", "1.5");
   expect({.num_levels = 4}, "num_levels", "8", "4");
   expect({.patch_size_px = 41}, "patch_size_px", "31", "41");

@@ -156,12 +156,12 @@ TEST(KeyframeTest, ValidateNamesTheBadField) {
                       .height_px = 480,
                       .stereo_baseline_m = 0};
   const Keyframe good = RandomKeyframe(14, 3);
-  ASSERT_TRUE(Validate(good, camera).ok()) << Validate(good, camera);
+  ASSERT_TRUE(Validate(good, camera, {}).ok()) << Validate(good, camera, {});
   const auto message = [&](auto spoil) {
     Keyframe bad = good;
     bad.features[2].point = PointReference{.id = 1, .depth_m = 1, .num_observations = 1};
     spoil(bad);
-    return std::string(Validate(bad, camera).message());
+    return std::string(Validate(bad, camera, {}).message());
   };
   EXPECT_THAT(message([](Keyframe& k) { k.features[1].keypoint.u_px = 641; }), HasSubstr("features[1].pixel: "));
   EXPECT_THAT(message([](Keyframe& k) { k.features[0].keypoint.octave = 9; }), HasSubstr("features[0].octave: "));

@@ -33,12 +33,13 @@ ServiceFixture::~ServiceFixture() {
   std::filesystem::remove_all(folder_);
 }
 
-SessionId ServiceFixture::Open(SensorKind sensor, const std::string& map_name) {
+SessionId ServiceFixture::Open(SensorKind sensor, const std::string& map_name, const FeatureSettings& features) {
   OpenSessionInput input;
   input.map_name = map_name;
   input.device = "device";
   input.sensor = sensor;
   input.camera = SyntheticWorld::DeviceCamera();
+  input.features = features;
   input.create_map = true;
   const StatusOr<OpenedSession> opened = service_->OpenSession(context_, input);
   EXPECT_TRUE(opened.ok()) << opened.status();

@@ -18,7 +18,8 @@ class ServiceFixture : public ::testing::Test {
   ServiceFixture();
   ~ServiceFixture() override;
 
-  SessionId Open(SensorKind sensor = SensorKind::kRgbd, const std::string& map_name = "room");
+  SessionId Open(SensorKind sensor = SensorKind::kRgbd, const std::string& map_name = "room",
+                 const FeatureSettings& features = {});
   StatusOr<UploadResult> Upload(const Keyframe& keyframe);
   /// Uploads what the world shows at the pose, told in the map's frame of a founder (which the world's frame is).
   UploadResult MustUpload(const SyntheticWorld& world, const Pose3& T_world_camera, SessionId session, uint32_t number,

@@ -62,8 +62,56 @@ INSTANTIATE_TEST_SUITE_P(
                   input.camera.projection = PinholeCamera{0, 525, 320, 240};
                 },
                 "camera."},
+        BadOpen{"NoLevels", [](OpenSessionInput& input) { input.features.num_levels = 0; },
+                "feature_settings.num_levels: "},
+        BadOpen{"ScaleThatTheServerDoesNotComputeWith",
+                [](OpenSessionInput& input) { input.features.scale_factor = 1.5F; },
+                "feature_settings.scale_factor: this server makes maps of 1.2 only, got 1.5"},
         BadOpen{"StereoWithoutBaseline", [](OpenSessionInput& input) { input.sensor = SensorKind::kStereo; },
                 "camera.stereo_baseline_m: "}),
+    [](const auto& test) { return test.param.name; });
+
+TEST_F(SessionsTest, MapKeepsTheFeatureSettingsOfTheSessionThatMadeIt) {
+  OpenSessionInput input = GoodInput();
+  input.features.num_levels = 5;
+  input.features.patch_size_px = 41;
+  ASSERT_TRUE(service_->OpenSession(context_, input).ok());
+  EXPECT_FALSE(FirstDifference(Map().features, input.features).has_value());
+  EXPECT_EQ(service_->OpenSession(context_, GoodInput()).status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_TRUE(service_->OpenSession(context_, input).ok());
+  EXPECT_EQ(Map().num_sessions, 2);
+}
+
+struct OtherFeatures {
+  std::string name;
+  std::function<void(FeatureSettings&)> change;
+  std::string message;
+};
+
+class OtherFeaturesTest : public SessionsTest, public ::testing::WithParamInterface<OtherFeatures> {};
+
+TEST_P(OtherFeaturesTest, AreRefusedByNameAndCreateNothing) {
+  ASSERT_TRUE(service_->OpenSession(context_, GoodInput()).ok());
+  OpenSessionInput input = GoodInput();
+  GetParam().change(input.features);
+  const Status status = service_->OpenSession(context_, input).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_EQ(status.message(), "feature_settings." + GetParam().message + "; use the map's settings or another map");
+  EXPECT_EQ(Map().num_sessions, 1);
+  EXPECT_EQ(service_->ListSessions(context_, "")->size(), 1U);
+}
+
+INSTANTIATE_TEST_SUITE_P(
+    SessionsTest, OtherFeaturesTest,
+    ::testing::Values(
+        OtherFeatures{"Descriptor", [](FeatureSettings& features) { features.descriptor_kind = "BEBLID-256"; },
+                      "descriptor_kind: the map \"room\" was made with ORB-256, this session has BEBLID-256"},
+        OtherFeatures{"Scale", [](FeatureSettings& features) { features.scale_factor = 1.5F; },
+                      "scale_factor: the map \"room\" was made with 1.2, this session has 1.5"},
+        OtherFeatures{"Levels", [](FeatureSettings& features) { features.num_levels = 4; },
+                      "num_levels: the map \"room\" was made with 8, this session has 4"},
+        OtherFeatures{"Patch", [](FeatureSettings& features) { features.patch_size_px = 21; },
+                      "patch_size_px: the map \"room\" was made with 31, this session has 21"}),
     [](const auto& test) { return test.param.name; });
 
 TEST_F(SessionsTest, NamesCountCharactersNotBytes) {

@@ -3,6 +3,7 @@
 
 #include <gmock/gmock.h>
 
+#include <algorithm>
 #include <atomic>
 #include <thread>
 
@@ -77,6 +78,23 @@ TEST_F(UploadTest, SentTwiceIsStoredOnce) {
   const StatusOr<UploadResult> after_closing = Upload(keyframe);
   ASSERT_TRUE(after_closing.ok()) << "a retry whose first answer was lost must not fail";
   EXPECT_TRUE(after_closing->already_stored);
+}
+
+TEST_F(UploadTest, OctavesBeyondTheMapsLevelsAreRefusedByName) {
+  const SessionId session = Open(SensorKind::kRgbd, "low", {.num_levels = 3});
+  Keyframe keyframe = world_.View(kTowardsCabinet, session, 0, rng_);
+  for (KeyframeFeature& feature : keyframe.features)
+    feature.keypoint.octave = std::min<uint8_t>(feature.keypoint.octave, 2);
+  keyframe.features[1].keypoint.octave = 3;
+  const Status status = Upload(keyframe).status();
+  EXPECT_EQ(status.code(), absl::StatusCode::kInvalidArgument);
+  EXPECT_THAT(std::string(status.message()), StartsWith("keyframe.features[1].octave: must be below num_levels 3"));
+  EXPECT_EQ(Session(session).num_keyframes, 0);
+  EXPECT_EQ(Map("low").num_points, 0);
+
+  keyframe.features[1].keypoint.octave = 2;
+  EXPECT_TRUE(Upload(keyframe).ok());
+  EXPECT_EQ(Session(session).num_keyframes, 1);
 }
 
 TEST_F(UploadTest, SamePointIsObservedAgainByItsNumber) {

@@ -250,6 +250,27 @@ TEST_F(UpdateTest, RemovedCabinetIsMissed) {
   for (const Aabb& box : result->missing_boxes) EXPECT_TRUE(around_cabinet.contains(box));
 }
 
+TEST_F(UpdateTest, WhatTheMapsPyramidDoesNotReachIsNotMissed) {
+  const Pose3 near = SyntheticWorld::Stand(0, 0.5, 0);
+  const auto missing_with = [&](int num_levels) {
+    const SessionId session =
+        Open(SensorKind::kRgbd, "levels " + std::to_string(num_levels), {.num_levels = num_levels});
+    const auto see = [&](const SyntheticWorld& world, const Pose3& T_world_camera, uint32_t number) {
+      Keyframe keyframe = world.View(T_world_camera, session, number, rng_);
+      std::erase_if(keyframe.features,
+                    [&](const KeyframeFeature& feature) { return feature.keypoint.octave >= num_levels; });
+      return keyframe;
+    };
+    EXPECT_TRUE(Upload(see(world_, seen_, 0)).ok());
+    const StatusOr<UpdateResult> result =
+        service_->ReportUpdate(context_, session, {EncodeKeyframe(see(world_.WithoutCabinet(), near, 1))});
+    EXPECT_TRUE(result.ok()) << result.status();
+    return result->missing_points.size();
+  };
+  EXPECT_GT(missing_with(kPyramidLevels), 30U);
+  EXPECT_EQ(missing_with(3), 0U) << "from so near, nobody would detect the cabinet's points again";
+}
+
 TEST_F(UpdateTest, NewPlaceIsExpansion) {
   const StatusOr<UpdateResult> result = service_->ReportUpdate(context_, session_, {Packet(world_, opposite_)});
   ASSERT_TRUE(result.ok()) << result.status();

@@ -61,7 +61,7 @@ TEST(FeatureTrackerTest, MakesWholeKeyframesWhosePointsKeepTheirNames) {
   size_t num_again = 0;
   for (size_t k = 0; k < keyframes.size(); ++k) {
     EXPECT_EQ(keyframes[k].number, k);
-    EXPECT_TRUE(Validate(keyframes[k], tracker->camera()).ok());
+    EXPECT_TRUE(Validate(keyframes[k], tracker->camera(), {}).ok());
     size_t num_points = 0;
     for (const KeyframeFeature& feature : keyframes[k].features) {
       if (!feature.point) continue;
@@ -140,7 +140,7 @@ TEST(FeatureTrackerTest, StereoRefersToTheRectifiedCamera) {
   EXPECT_TRUE((*tracker)->Track(Look(0, 0), kFrame_ns).is_keyframe);
   const std::vector<Keyframe> keyframes = (*tracker)->TakeKeyframes();
   ASSERT_EQ(keyframes.size(), 1U);
-  EXPECT_TRUE(Validate(keyframes.front(), (*tracker)->camera()).ok());
+  EXPECT_TRUE(Validate(keyframes.front(), (*tracker)->camera(), {}).ok());
 }
 
 }  // namespace

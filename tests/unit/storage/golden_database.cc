@@ -40,7 +40,7 @@ void ExpectGoldenContent(MapReader& reader) {
   EXPECT_EQ(map.revision, Revision(2));
   EXPECT_EQ(map.num_frames, 2);
   EXPECT_EQ(map.num_points, 1);
-  EXPECT_EQ(map.features.descriptor, "ORB-256");
+  EXPECT_EQ(map.features.descriptor_kind, "ORB-256");
   EXPECT_EQ(map.features.scale_factor, 1.2F);
   EXPECT_EQ(map.features.num_levels, 8);
   EXPECT_EQ(map.features.patch_size_px, 31);

@@ -33,11 +33,11 @@ TEST_P(MapStoreCatalogTest, CreatesAndFindsAMap) {
 TEST_P(MapStoreCatalogTest, KeepsTheFeatureSettingsOfAMap) {
   MapRecord map;
   map.name = "garage";
-  map.features = {.descriptor = "rBRIEF-256", .scale_factor = 1.1F, .num_levels = 5, .patch_size_px = 41};
+  map.features = {.descriptor_kind = "rBRIEF-256", .scale_factor = 1.1F, .num_levels = 5, .patch_size_px = 41};
   MustWrite([&](MapWriter& writer) { Value(writer.CreateMap(map)); });
   Reopen();
   const FeatureSettings stored = Value(Read()->FindMap("garage")).features;
-  EXPECT_EQ(stored.descriptor, "rBRIEF-256");
+  EXPECT_EQ(stored.descriptor_kind, "rBRIEF-256");
   EXPECT_EQ(stored.scale_factor, 1.1F);
   EXPECT_EQ(stored.num_levels, 5);
   EXPECT_EQ(stored.patch_size_px, 41);

@@ -50,6 +50,13 @@ INSTANTIATE_TEST_SUITE_P(
                       BadOptions{"Cell", {.cell_px = 4}, "cell_px"}),
     [](const auto& case_info) { return case_info.param.name; });
 
+TEST(OrbExtractorTest, TellsTheSettingsThatMapsHaveByDefault) {
+  const FeatureSettings settings = MakeExtractor({.num_features = 200, .fast_threshold = 40})->feature_settings();
+  EXPECT_EQ(settings.descriptor_kind, "ORB-256");
+  EXPECT_EQ(settings.patch_size_px, 31);
+  EXPECT_FALSE(FirstDifference(settings, FeatureSettings()).has_value());
+}
+
 TEST(OrbExtractorTest, RejectsSmallAndEmptyImages) {
   const auto extractor = MakeExtractor();
   EXPECT_EQ(extractor->Extract({}).status().code(), absl::StatusCode::kInvalidArgument);

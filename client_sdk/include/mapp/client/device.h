@@ -35,6 +35,7 @@ Status FetchKeyframePoses(Participant& participant, std::vector<DeviceFragment>&
 /// map until the server has found its place. Track() belongs to one thread.
 class Device {
  public:
+  /// `options.features` is not read: they are the tracker's.
   static StatusOr<std::unique_ptr<Device>> Open(std::unique_ptr<OrbTracker> tracker,
                                                 const MapClientOptions& client_options,
                                                 const ParticipantOptions& options);

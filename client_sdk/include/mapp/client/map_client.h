@@ -4,6 +4,7 @@
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/codec/query_codec.h"
+#include "mapp/feature/feature_settings.h"
 #include "mapp/map/keyframe.h"
 #include "mapp/map/tile.h"
 
@@ -134,8 +135,9 @@ class MapClient {
 
   /// Not idempotent: tried again only while the server is UNAVAILABLE. Should it have opened a session all the same,
   /// that one stays empty and harms nobody.
+  /// FAILED_PRECONDITION: the map was made with other feature settings.
   StatusOr<ClientSession> OpenSession(const std::string& map_name, const std::string& device, SensorKind sensor,
-                                      const Camera& camera, bool create_map);
+                                      const Camera& camera, const FeatureSettings& features, bool create_map);
   /// `num_samples`: K of the query, which is also the number of samples drawn from the view.
   StatusOr<OverlapAnswer> AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
                                         size_t num_samples);

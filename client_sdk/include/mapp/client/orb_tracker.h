@@ -5,6 +5,7 @@
 #include "mapp/camera/camera_model.h"
 #include "mapp/client/shared_map.h"
 #include "mapp/client/slam_adapter.h"
+#include "mapp/feature/feature_settings.h"
 #include "mapp/image/image.h"
 #include "mapp/map/keyframe.h"
 
@@ -151,6 +152,8 @@ class OrbTracker : public SlamAdapter {
   /// The camera that keyframes and poses refer to, and the sensor kind.
   const Camera& camera() const;
   SensorKind sensor() const;
+  /// Of its extractor: what the keyframes' features can be compared with.
+  const FeatureSettings& feature_settings() const;
   LocalMappingStats local_mapping() const;  ///< of all fragments
 
  private:

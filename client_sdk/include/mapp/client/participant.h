@@ -5,6 +5,7 @@
 #include "mapp/camera/camera_model.h"
 #include "mapp/client/map_client.h"
 #include "mapp/client/slam_adapter.h"
+#include "mapp/feature/feature_settings.h"
 #include "mapp/map/keyframe.h"
 #include "mapp/view/sampler.h"
 
@@ -29,6 +30,9 @@ struct ParticipantOptions {
   std::string map_name;
   std::string device = "device";
   bool create_map = true;
+  /// Of the keyframes that will be handed in: a map that was made with others refuses the session by name. Give your
+  /// own extractor's where it is not the built-in one; Device fills in its tracker's.
+  FeatureSettings features = {};
   UploadPolicy policy = UploadPolicy::kMap;
   Injection injection = Injection::kOften;
   SamplerKind sampler = SamplerKind::kDepthSketch;
@@ -106,7 +110,7 @@ class Participant {
  public:
   /// Opens the session. `adapter` must outlive the participant and may be null with kUploadAll.
   /// Waits until the server tells of the session's events, so that none is missed. UNAVAILABLE, DEADLINE_EXCEEDED: the
-  /// server cannot be reached.
+  /// server cannot be reached. FAILED_PRECONDITION: the map was made with other feature settings.
   static StatusOr<std::unique_ptr<Participant>> Open(const MapClientOptions& client_options,
                                                      const ParticipantOptions& options, const Camera& camera,
                                                      SensorKind sensor, SlamAdapter* adapter);

@@ -44,7 +44,7 @@ struct Feature {
   OrbDescriptor descriptor;
 };
 
-/// Pyramid of the map's features: every device uses it, so that scale and detectability mean the same everywhere.
+/// Pyramid of the built-in extractor. Every map has this scale; how many levels, its FeatureSettings say.
 inline constexpr float kPyramidScale = 1.2F;
 inline constexpr int kPyramidLevels = 8;
 /// n_f: a keyframe has at most this many features (DESIGN 2).

@@ -17,7 +17,7 @@ struct FeatureSettings {
   /// Name of the 256-bit binary descriptor, compared by Hamming distance, with all that changes its bits but the patch:
   /// test pattern, orientation, smoothing. "ORB-256": OpenCV's learned pattern of pairs, turned by the intensity
   /// centroid, on a level smoothed by a Gaussian of 2 pixels (Rublee et al. 2011). 1 to 32 of A-Z a-z 0-9 . _ + -
-  std::string descriptor = "ORB-256";
+  std::string descriptor_kind = "ORB-256";
   /// Ratio of neighbouring pyramid levels: a descriptor of octave o covers scale_factor ^ o of the pixels of octave 0,
   /// and o tells the distance and the keypoint's noise. Range [1.01, 4]; two within 1e-4 of each other are the same.
   float scale_factor = kPyramidScale;

@@ -4,6 +4,7 @@
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/feature/feature.h"
+#include "mapp/feature/feature_settings.h"
 #include "mapp/geometry/pose3.h"
 
 #include <cstdint>
@@ -52,7 +53,7 @@ struct Keyframe {
 inline constexpr double kMaxCoordinateM = 1e6;
 
 /// INVALID_ARGUMENT naming the field: non-finite or absurd pose, too many features, depth not in (0, 10000) m,
-/// a keypoint outside the image, an octave out of range.
-Status Validate(const Keyframe& keyframe, const Camera& camera);
+/// a keypoint outside the image, an octave that the feature settings do not have.
+Status Validate(const Keyframe& keyframe, const Camera& camera, const FeatureSettings& features);
 
 }  // namespace mapp

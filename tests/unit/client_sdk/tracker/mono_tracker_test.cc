@@ -115,7 +115,8 @@ TEST_F(MonoTrackerTest, HandsOutKeyframesInUnitsOfTheFirstViewsDepth) {
   ASSERT_GE(keyframes.size(), 3U);
   for (size_t i = 0; i < keyframes.size(); ++i) {
     EXPECT_EQ(keyframes[i].number, i);
-    EXPECT_TRUE(Validate(keyframes[i], tracker_->camera()).ok()) << Validate(keyframes[i], tracker_->camera());
+    EXPECT_TRUE(Validate(keyframes[i], tracker_->camera(), tracker_->feature_settings()).ok())
+        << Validate(keyframes[i], tracker_->camera(), tracker_->feature_settings());
   }
   EXPECT_EQ(keyframes.front().T_frame_camera.Matrix(), Pose3().Matrix());
   std::vector<float> depths;

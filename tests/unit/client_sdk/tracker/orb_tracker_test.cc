@@ -79,7 +79,8 @@ TEST(OrbTrackerTest, HandsOutEachKeyframeOnceValidAndInOrder) {
   ASSERT_GE(keyframes.size(), 2U);
   for (size_t i = 0; i < keyframes.size(); ++i) {
     EXPECT_EQ(keyframes[i].number, i);
-    EXPECT_TRUE(Validate(keyframes[i], tracker->camera()).ok()) << Validate(keyframes[i], tracker->camera());
+    EXPECT_TRUE(Validate(keyframes[i], tracker->camera(), tracker->feature_settings()).ok())
+        << Validate(keyframes[i], tracker->camera(), tracker->feature_settings());
     std::set<uint64_t> ids;
     for (const KeyframeFeature& feature : keyframes[i].features) {
       if (!feature.point) continue;
@@ -195,7 +196,7 @@ TEST(OrbTrackerTest, MakesAWholeKeyframeOfTheLastFrameWithFreshNames) {
   const auto first = tracker->MakeKeyframeOfLastFrame();
   const auto second = tracker->MakeKeyframeOfLastFrame();
   ASSERT_TRUE(first && second);
-  EXPECT_TRUE(Validate(*first, tracker->camera()).ok());
+  EXPECT_TRUE(Validate(*first, tracker->camera(), tracker->feature_settings()).ok());
   ASSERT_EQ(first->features.size(), second->features.size());
   size_t num_shared = 0, num_fresh = 0;
   for (size_t i = 0; i < first->features.size(); ++i) {
