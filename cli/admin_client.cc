@@ -20,7 +20,7 @@ constexpr std::chrono::minutes kBulkCallTimeout(10);
 
 Eigen::Vector3d ToVector(const v1::Point3& point) { return {point.x_m(), point.y_m(), point.z_m()}; }
 
-MapSummary ToSummary(const v1::MapInfo& info) {
+StatusOr<MapSummary> ToSummary(const v1::MapInfo& info) {
   MapSummary map;
   map.id = info.id();
   map.name = info.name();
@@ -32,6 +32,9 @@ MapSummary ToSummary(const v1::MapInfo& info) {
   map.tile_edge_m = info.tile_edge_m();
   map.cone_range_m = info.cone_range_m();
   map.num_tiles = info.num_tiles();
+  if (info.has_feature_settings()) {
+    MAPP_ASSIGN_OR_RETURN(map.features, FromProto(info.feature_settings(), "feature_settings"));
+  }
   if (info.has_bounds()) map.bounds = Aabb(ToVector(info.bounds().min()), ToVector(info.bounds().max()));
   return map;
 }
@@ -135,7 +138,11 @@ StatusOr<std::vector<MapSummary>> AdminClient::ListMaps() {
   MAPP_ASSIGN_OR_RETURN(const v1::ListMapsResponse response,
                         impl_->Call(&v1::AdminService::Stub::ListMaps, {}, kCallTimeout));
   std::vector<MapSummary> maps;
-  for (const v1::MapInfo& info : response.maps()) maps.push_back(ToSummary(info));
+  for (const v1::MapInfo& info : response.maps()) {
+    StatusOr<MapSummary> map = ToSummary(info);
+    if (!map.ok()) return BadAnswer(map.status());
+    maps.push_back(*std::move(map));
+  }
   return maps;
 }
 
@@ -144,7 +151,9 @@ StatusOr<MapSummary> AdminClient::GetMap(const std::string& name) {
   request.set_name(name);
   MAPP_ASSIGN_OR_RETURN(const v1::GetMapResponse response,
                         impl_->Call(&v1::AdminService::Stub::GetMap, request, kCallTimeout));
-  return ToSummary(response.map());
+  StatusOr<MapSummary> map = ToSummary(response.map());
+  if (!map.ok()) return BadAnswer(map.status());
+  return map;
 }
 
 StatusOr<std::pair<uint64_t, uint64_t>> AdminClient::DeleteMap(const std::string& name, bool force) {
@@ -189,7 +198,11 @@ StatusOr<MapContent> AdminClient::ExportMap(const std::string& name) {
   Status bad_answer;
   v1::ExportMapResponse response;
   while (bad_answer.ok() && reader->Read(&response)) {
-    if (response.has_map()) content.map = ToSummary(response.map());
+    if (response.has_map()) {
+      StatusOr<MapSummary> map = ToSummary(response.map());
+      if (!map.ok()) return BadAnswer(map.status());
+      content.map = *std::move(map);
+    }
     for (const v1::ExportedPoint& point : response.points()) content.points.push_back(ToSummary(point));
     for (const v1::ExportedFrame& exported : response.frames()) {
       StatusOr<MapFrameSummary> frame = ToSummary(exported);

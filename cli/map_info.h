@@ -3,6 +3,7 @@
 #include "mapp/base/latency.h"
 #include "mapp/base/process_usage.h"
 #include "mapp/camera/camera_model.h"
+#include "mapp/feature/feature_settings.h"
 #include "mapp/geometry/pose3.h"
 
 #include <Eigen/Core>
@@ -25,6 +26,8 @@ struct MapSummary {
   uint64_t num_sessions = 0;
   double tile_edge_m = 0;
   double cone_range_m = 0;
+  /// Of all its sessions; absent where the server is too old to tell.
+  std::optional<FeatureSettings> features;
   uint64_t num_tiles = 0;      ///< only from GetMap
   std::optional<Aabb> bounds;  ///< of the map's tiles, frame `map`; only from GetMap, absent for an empty map
 };

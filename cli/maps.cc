@@ -16,6 +16,14 @@ void AppendFields(const MapSummary& map, JsonWriter& json) {
   json.Field("revision", map.revision).Field("num_frames", map.num_frames).Field("num_points", map.num_points);
   json.Field("num_sessions", map.num_sessions);
   json.Field("tile_edge_m", map.tile_edge_m).Field("cone_range_m", map.cone_range_m);
+  json.Key("feature_settings");
+  if (map.features) {
+    json.BeginObject().Field("descriptor_kind", map.features->descriptor_kind);
+    json.Field("scale_factor", map.features->scale_factor).Field("num_levels", map.features->num_levels);
+    json.Field("patch_size_px", map.features->patch_size_px).EndObject();
+  } else {
+    json.Null();
+  }
 }
 
 void AppendPoint(const Eigen::Vector3d& p, const char* key, JsonWriter& json) {
@@ -75,6 +83,11 @@ std::string FormatText(const MapSummary& map) {
   table.AddRow({"points", std::to_string(map.num_points)});
   table.AddRow({"tiles", fmt::format("{} of {} m", map.num_tiles, map.tile_edge_m)});
   table.AddRow({"view cone range", fmt::format("{} m", map.cone_range_m)});
+  if (map.features) {
+    table.AddRow(
+        {"features", fmt::format("{}, scale factor {}, levels {}, patch {} px", map.features->descriptor_kind,
+                                 map.features->scale_factor, map.features->num_levels, map.features->patch_size_px)});
+  }
   if (map.bounds) {
     const Eigen::Vector3d size = map.bounds->sizes();
     table.AddRow({"extent", fmt::format("{:.1f} x {:.1f} x {:.1f} m", size.x(), size.y(), size.z())});

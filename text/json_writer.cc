@@ -67,6 +67,10 @@ JsonWriter& JsonWriter::Value(double number) {
   return std::isfinite(number) ? Literal(fmt::format("{}", number)) : Null();
 }
 
+JsonWriter& JsonWriter::Value(float number) {
+  return std::isfinite(number) ? Literal(fmt::format("{}", number)) : Null();
+}
+
 std::string JsonWriter::Finish() && {
   MAPP_CHECK(levels_.empty() && !text_.empty());
   return std::move(text_) + "\n";

@@ -25,6 +25,7 @@ class JsonWriter {
   JsonWriter& Value(const char* text) { return Value(std::string_view(text)); }
   /// The shortest digits that read back as the same number; null when it is not finite, which JSON cannot say.
   JsonWriter& Value(double number);
+  JsonWriter& Value(float number);
   JsonWriter& Value(std::same_as<bool> auto truth) { return Literal(truth ? "true" : "false"); }
   template <std::integral T>
   requires(!std::same_as<T, bool>) JsonWriter& Value(T number) { return Literal(std::to_string(number)); }

@@ -46,6 +46,7 @@ TEST(JsonWriterTest, ReplacesBytesThatAreNotUtf8) {
 
 TEST(JsonWriterTest, NumbersReadBackExactly) {
   EXPECT_EQ(Written(0.1), "0.1\n");
+  EXPECT_EQ(Written(1.2F), "1.2\n") << "as a float";
   EXPECT_EQ(Written(1e300), "1e+300\n");
   EXPECT_EQ(Written(-2.5), "-2.5\n");
   EXPECT_EQ(Written(std::numeric_limits<uint64_t>::max()), "18446744073709551615\n");
