@@ -63,10 +63,12 @@ class MapWriter : public MapReader {
   /// Deletes the map with its sessions, log, frames, points and tiles.
   virtual Status DeleteMap(MapId map) = 0;
   virtual Status SetFounder(MapId map, SessionId founder) = 0;
+  /// MapRecord::has_metric_scale.
+  virtual Status SetMetricScale(MapId map, bool has_metric_scale) = 0;
   virtual StatusOr<CameraId> InsertCamera(const Camera& camera) = 0;
   /// Id and opened_ns are set by the store.
   virtual StatusOr<SessionId> InsertSession(const SessionRecord& session) = 0;
-  /// Writes closed_ns, T_map_session, aligned_at_keyframe, optimized and quarantine of the session.
+  /// Writes closed_ns, T_map_session with its scale, aligned_at_keyframe, optimized and quarantine of the session.
   virtual Status UpdateSession(const SessionRecord& session) = 0;
 
   /// Revision of this transaction for `map`: the map's next one, the same however often it is asked in one Write.

@@ -26,6 +26,9 @@ struct MapRecord {
   double cone_range_m = 20.0;  ///< h
   /// The session whose frame became the frame `map`; none while the map is empty.
   std::optional<SessionId> founder;
+  /// False: a camera without scale has founded it, and nobody with metres has joined. Its unit of length is no metre
+  /// then, and names that say metres mean that unit (docs/decisions/0014).
+  bool has_metric_scale = true;
   int64_t num_frames = 0;  ///< frames that stand in the map, fragments not counted
   int64_t num_points = 0;  ///< live points in the map's frame
   int64_t num_sessions = 0;
@@ -56,6 +59,8 @@ struct SessionRecord {
   std::optional<int64_t> closed_ns;
   /// Absent while the session is a fragment of its own.
   std::optional<Pose3> T_map_session;
+  /// Metres a unit of length of the session's: 1 while it is a fragment, and of sensors that measure metres.
+  double scale_map_session = 1;
   std::optional<uint32_t> aligned_at_keyframe;
   /// Revision of the optimisation that followed its closing; absent = still owed.
   std::optional<Revision> optimized;
@@ -65,6 +70,8 @@ struct SessionRecord {
   std::optional<Quarantine> quarantine;
 
   bool IsQuarantined() const { return quarantine && !quarantine->released_ns; }
+  /// From what the session's device tells to the map. Requires T_map_session.
+  Sim3 S_map_session() const { return {scale_map_session, *T_map_session}; }
 };
 
 struct FrameRecord {
@@ -76,7 +83,7 @@ struct FrameRecord {
   int64_t stamp_ns = 0;
   /// False while its session is a fragment: then the pose below is T_session_camera.
   bool in_map = false;
-  Pose3 T_frame_camera;  ///< T_map_camera when in_map, else T_session_camera
+  Pose3 T_frame_camera;  ///< T_map_camera when in_map, else T_session_camera, in the session's unit of length
   bool partial = false;
   std::optional<float> overlap;  ///< as the device reported it
   uint32_t num_features = 0;
@@ -88,7 +95,7 @@ struct FrameRecord {
 struct Observation {
   uint16_t feature_idx = 0;
   MapPointId point;
-  float depth_m = 0;  ///< as the device sent it; 0 = none
+  float depth_m = 0;  ///< as the device measured it; 0 = none
 };
 
 struct PointRecord {

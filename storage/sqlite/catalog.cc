@@ -137,6 +137,11 @@ Status SetFounder(Connection& db, MapId map, SessionId founder) {
   return RunOnOneRow(update.Bind(founder, map), NoSuchMap(map));
 }
 
+Status SetMetricScale(Connection& db, MapId map, bool has_metric_scale) {
+  Statement update = db.Prepare("UPDATE maps SET has_metric_scale = ? WHERE map_id = ? RETURNING 1");
+  return RunOnOneRow(update.Bind(has_metric_scale, map), NoSuchMap(map));
+}
+
 StatusOr<CameraId> InsertCamera(Connection& db, const Camera& camera) {
   const std::string model = ModelName(camera.projection);
   const std::string coefficients = EncodeDoubles(Coefficients(camera.projection));
@@ -167,8 +172,9 @@ StatusOr<SessionId> InsertSession(Connection& db, ChangeLedger& ledger, const Se
 Status UpdateSession(Connection& db, const SessionRecord& session) {
   Statement update = db.Prepare(
       "UPDATE sessions SET closed_ns = ?, aligned_at_keyframe = ?, optimized_revision = ?, tx_m = ?, ty_m = ?, "
-      "tz_m = ?, qw = ?, qx = ?, qy = ?, qz = ?, quarantined_ns = ?, quarantine_reason = ?, quarantine_released_ns = ? "
-      "WHERE session_id = ? RETURNING 1");
+      "tz_m = ?, qw = ?, qx = ?, qy = ?, qz = ?, quarantined_ns = ?, quarantine_reason = ?, quarantine_released_ns = "
+      "?, "
+      "scale_map_session = ? WHERE session_id = ? RETURNING 1");
   update.Bind(session.closed_ns, session.aligned_at_keyframe, session.optimized);
   if (session.T_map_session) {
     BindPose(update, *session.T_map_session);
@@ -180,7 +186,7 @@ Status UpdateSession(Connection& db, const SessionRecord& session) {
   } else {
     for (int i = 0; i < 3; ++i) update.Bind(std::optional<int64_t>());
   }
-  return RunOnOneRow(update.Bind(session.id),
+  return RunOnOneRow(update.Bind(session.scale_map_session, session.id),
                      absl::NotFoundError(fmt::format("session {} does not exist", session.id.value())));
 }
 

@@ -26,6 +26,9 @@ class Change final : public MapReads<MapWriter> {
   StatusOr<MapId> CreateMap(const MapRecord& map) override { return sqlite::CreateMap(db_, ledger_, map); }
   Status DeleteMap(MapId map) override { return sqlite::DeleteMap(db_, ledger_, map); }
   Status SetFounder(MapId map, SessionId founder) override { return sqlite::SetFounder(db_, map, founder); }
+  Status SetMetricScale(MapId map, bool has_metric_scale) override {
+    return sqlite::SetMetricScale(db_, map, has_metric_scale);
+  }
   StatusOr<CameraId> InsertCamera(const Camera& camera) override { return sqlite::InsertCamera(db_, camera); }
   StatusOr<SessionId> InsertSession(const SessionRecord& session) override {
     return sqlite::InsertSession(db_, ledger_, session);

@@ -51,6 +51,7 @@ StatusOr<MapRecord> ReadMap(const Statement& row) {
                   .scale_factor = static_cast<float>(row.Double(11)),
                   .num_levels = static_cast<int>(row.Int64(12)),
                   .patch_size_px = static_cast<int>(row.Int64(13))};
+  map.has_metric_scale = row.Int64(14) != 0;
   if (!(map.tile_edge_m > 0)) {
     return absl::DataLossError(fmt::format("map {}: tile edge {} m is not positive", map.id.value(), map.tile_edge_m));
   }
@@ -79,6 +80,11 @@ StatusOr<SessionRecord> ReadSession(const Statement& row) {
   session.num_upload_bytes = row.Int64(10);
   if (!row.IsNull(11)) session.T_map_session = ReadPose(row, 11);
   if (!row.IsNull(18)) session.quarantine = {row.Int64(18), Text(row, 19), OptionalInt<int64_t>(row, 20)};
+  session.scale_map_session = row.Double(21);
+  if (!(session.scale_map_session > 0)) {
+    return absl::DataLossError(
+        fmt::format("session {}: scale {} is not positive", session.id.value(), session.scale_map_session));
+  }
   return session;
 }
 

@@ -9,11 +9,12 @@
 
 #define MAPP_MAP_COLUMNS                                                                                        \
   "map_id, name, created_ns, revision, tile_edge_m, cone_range_m, founder_session_id, num_frames, num_points, " \
-  "num_sessions, feature_descriptor, feature_scale_factor, feature_num_levels, feature_patch_size_px"
+  "num_sessions, feature_descriptor, feature_scale_factor, feature_num_levels, feature_patch_size_px, "         \
+  "has_metric_scale"
 #define MAPP_SESSION_COLUMNS                                                                   \
   "session_id, map_id, device, camera_id, sensor, opened_ns, closed_ns, aligned_at_keyframe, " \
   "optimized_revision, num_keyframes, num_upload_bytes, tx_m, ty_m, tz_m, qw, qx, qy, qz, "    \
-  "quarantined_ns, quarantine_reason, quarantine_released_ns"
+  "quarantined_ns, quarantine_reason, quarantine_released_ns, scale_map_session"
 #define MAPP_CAMERA_COLUMNS "camera_id, model, coefficients, width_px, height_px, stereo_baseline_m"
 #define MAPP_FRAME_COLUMNS                                                                                        \
   "frame_id, map_id, session_id, camera_id, number, stamp_ns, partial, overlap, num_features, num_packet_bytes, " \

@@ -67,6 +67,19 @@ TEST(AlignPointsTest, RecoversSimilarityAndRigidMotion) {
   }
 }
 
+TEST(Sim3Test, InvertsAndMovesCameras) {
+  Rng rng(4);
+  const Sim3 S_a_b{2.5, Pose3::Exp(RandomTangent(rng, 1.2))};
+  const Eigen::Vector3d p_b(1, -2, 3);
+  EXPECT_LT((S_a_b.Inverse() * (S_a_b * p_b) - p_b).norm(), kTolerance);
+  const Pose3 T_b_camera = Pose3::Exp(RandomTangent(rng, 1.2));
+  const Pose3 T_a_camera = S_a_b * T_b_camera;
+  // A camera sees the same way wherever it is told from: its points, their depths in the other unit, are the same ones.
+  const Eigen::Vector3d p_camera(0.3, 0.2, 2);
+  EXPECT_LT((T_a_camera * (S_a_b.scale * p_camera) - S_a_b * (T_b_camera * p_camera)).norm(), kTolerance);
+  EXPECT_LT(((S_a_b.Inverse() * T_a_camera).Matrix() - T_b_camera.Matrix()).norm(), 1e-8);
+}
+
 TEST(AlignPointsTest, NeverMirrors) {
   // A flat cloud has two fits of equal error, one of them a reflection.
   Eigen::Matrix3Xd source(3, 4);

@@ -92,6 +92,7 @@ TEST_P(MapStoreCatalogTest, SessionBeginsAsAFragment) {
   EXPECT_EQ(session.camera, scene.camera);
   EXPECT_EQ(session.device, "robot-7");
   EXPECT_EQ(session.sensor, SensorKind::kStereo);
+  EXPECT_EQ(session.scale_map_session, 1);
   EXPECT_GT(session.opened_ns, 0);
   EXPECT_FALSE(session.closed_ns || session.T_map_session || session.aligned_at_keyframe || session.optimized);
   EXPECT_EQ(Value(Read()->GetMap(scene.map)).num_sessions, 1);
@@ -102,12 +103,14 @@ TEST_P(MapStoreCatalogTest, UpdatesASession) {
   SessionRecord session = Value(Read()->GetSession(scene.session));
   session.closed_ns = 12;
   session.T_map_session = PoseAt(1, 2, 3);
+  session.scale_map_session = 2.5;
   session.aligned_at_keyframe = 4;
   session.optimized = Revision(9);
   Check(Write([&](MapWriter& writer) { return writer.UpdateSession(session); }));
 
   const SessionRecord stored = Value(Read()->GetSession(scene.session));
   EXPECT_EQ(stored.closed_ns, 12);
+  EXPECT_EQ(stored.scale_map_session, 2.5);
   EXPECT_EQ(stored.aligned_at_keyframe, 4U);
   EXPECT_EQ(stored.optimized, Revision(9));
   ASSERT_TRUE(stored.T_map_session.has_value());
@@ -168,6 +171,15 @@ TEST_P(MapStoreCatalogTest, RemembersTheFounder) {
   const Scene scene = NewScene();
   Check(Write([&](MapWriter& writer) { return writer.SetFounder(scene.map, scene.session); }));
   EXPECT_EQ(Value(Read()->GetMap(scene.map)).founder, scene.session);
+}
+
+TEST_P(MapStoreCatalogTest, RemembersWhetherTheMapHasMetricScale) {
+  const Scene scene = NewScene();
+  EXPECT_TRUE(Value(Read()->GetMap(scene.map)).has_metric_scale);
+  Check(Write([&](MapWriter& writer) { return writer.SetMetricScale(scene.map, false); }));
+  EXPECT_FALSE(Value(Read()->GetMap(scene.map)).has_metric_scale);
+  EXPECT_THAT(Write([](MapWriter& writer) { return writer.SetMetricScale(MapId(7), false); }),
+              HasCode(StatusCode::kNotFound));
 }
 
 TEST_P(MapStoreCatalogTest, RevisionIsOneMoreForAllOfAChange) {

@@ -56,6 +56,14 @@ struct Sim3 {
   Eigen::Vector3d operator*(const Eigen::Vector3d& point) const {
     return scale * (pose.rotation() * point) + pose.translation();
   }
+  /// T_a_c of a body that stands at `T_b_c`: turned, and moved in the units of a. Lengths within c are not scaled.
+  Pose3 operator*(const Pose3& T_b_c) const {
+    return Pose3(pose.rotation() * T_b_c.rotation(), *this * T_b_c.translation());
+  }
+  Sim3 Inverse() const {
+    const Eigen::Quaterniond inverse = pose.rotation().conjugate();
+    return {1 / scale, Pose3(inverse, -(inverse * pose.translation()) / scale)};
+  }
 };
 
 /// Least-squares similarity (Umeyama 1991) with target ~ S * source. Both 3 x N, N >= 3.
