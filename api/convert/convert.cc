@@ -60,6 +60,12 @@ StatusOr<Pose3> FromProto(const v1::Pose& pose, const std::string& field) {
   return Pose3(rotation, translation);
 }
 
+StatusOr<double> ScaleFromProto(double scale, const std::string& field) {
+  if (scale == 0) return 1.0;
+  if (!std::isfinite(scale) || scale < 0) return Invalid(field, fmt::format("must be positive, got {}", scale));
+  return scale;
+}
+
 v1::Point3 ToProto(const Eigen::Vector3d& point) {
   v1::Point3 proto;
   proto.set_x_m(point.x());

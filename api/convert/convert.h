@@ -18,6 +18,9 @@ v1::Pose ToProto(const Pose3& pose);
 /// Refuses non-finite values, coordinates beyond kMaxCoordinateM and quaternions whose length is off by over 1e-3.
 StatusOr<Pose3> FromProto(const v1::Pose& pose, const std::string& field);
 
+/// Of `scale_map_session`: 0 means 1. Refuses what is not finite or negative.
+StatusOr<double> ScaleFromProto(double scale, const std::string& field);
+
 v1::Point3 ToProto(const Eigen::Vector3d& point);
 v1::Box ToProto(const Aabb& box);
 

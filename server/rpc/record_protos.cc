@@ -22,6 +22,7 @@ v1::MapInfo ToProto(const MapRecord& map) {
   info.set_tile_edge_m(map.tile_edge_m);
   info.set_cone_range_m(map.cone_range_m);
   *info.mutable_feature_settings() = ToProto(map.features);
+  info.set_scale_unknown(!map.has_metric_scale);
   return info;
 }
 
@@ -35,6 +36,7 @@ v1::SessionInfo ToProto(const SessionRecord& session, const std::string& map_nam
   info.set_opened_unix_ns(session.opened_ns);
   info.set_closed_unix_ns(session.closed_ns.value_or(0));
   if (session.T_map_session) *info.mutable_pose_map_session() = ToProto(*session.T_map_session);
+  info.set_scale_map_session(session.scale_map_session);
   info.set_aligned_at_keyframe(session.aligned_at_keyframe.value_or(0));
   info.set_num_keyframes(static_cast<uint64_t>(session.num_keyframes));
   info.set_num_upload_bytes(static_cast<uint64_t>(session.num_upload_bytes));

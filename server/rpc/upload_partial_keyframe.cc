@@ -12,6 +12,7 @@ grpc::Status MapServiceHandler::UploadPartialKeyframe(grpc::ServerContext* conte
     response->set_already_stored(result.already_stored);
     response->set_map_revision(result.map_revision.value());
     if (result.T_map_session) *response->mutable_pose_map_session() = ToProto(*result.T_map_session);
+    if (result.scale_map_session != 1) response->set_scale_map_session(result.scale_map_session);
     return absl::OkStatus();
   });
 }

@@ -25,9 +25,11 @@ struct ToEvent {
   void operator()(const SessionAligned& event) const {
     *response.mutable_aligned()->mutable_pose_map_session() = ToProto(event.T_map_session);
     response.mutable_aligned()->set_keyframe(event.keyframe);
+    response.mutable_aligned()->set_scale_map_session(event.scale_map_session);
   }
   void operator()(const SessionCorrected& event) const {
     *response.mutable_corrected()->mutable_pose_map_session() = ToProto(event.T_map_session);
+    response.mutable_corrected()->set_scale_map_session(event.scale_map_session);
   }
   void operator()(const TilesChanged& event) const {
     auto& out = *response.mutable_tiles_changed();

@@ -4,6 +4,7 @@
 #include <Eigen/LU>
 
 #include <algorithm>
+#include <cmath>
 #include <numbers>
 
 namespace mapp {
@@ -11,6 +12,9 @@ namespace {
 
 using Matrix6 = Eigen::Matrix<double, 6, 6>;
 using Vector6 = Eigen::Matrix<double, 6, 1>;
+using Matrix67 = Eigen::Matrix<double, 6, 7>;
+using Matrix7 = Eigen::Matrix<double, 7, 7>;
+using Vector7 = Eigen::Matrix<double, 7, 1>;
 
 constexpr double kRadPerDeg = std::numbers::pi / 180.0;
 /// Keyframes nearer than both of these show the same view, and repeat each other's mistakes.
@@ -19,6 +23,12 @@ constexpr double kDistinctRad = 3.0 * kRadPerDeg;
 /// Odometry drift within a fragment, one sigma: a keyframe's word on T_map_session is no better than this.
 constexpr double kDriftM = 0.02;
 constexpr double kDriftRad = 0.5 * kRadPerDeg;
+/// One sigma of the scale that triangulated depths tell, all of a fragment's keyframes together: far points, and there
+/// are many, come out too near or too far in all of them.
+constexpr double kDepthScaleSigma = 0.1;
+/// How far keyframes' depths may be off the scale that they agree on, and one sigma at which it is known.
+constexpr double kMaxScaleRatio = 1.2;
+constexpr double kMaxScaleSigma = 0.025;
 
 /// (information^-1 + drift covariance)^-1, written so that a singular information does not matter.
 Matrix6 LimitByDrift(const Matrix6& information) {
@@ -28,8 +38,32 @@ Matrix6 LimitByDrift(const Matrix6& information) {
   return damped.partialPivLu().solve(information);
 }
 
-bool AreDistinctViews(const Pose3& a, const Pose3& b) {
-  return Distance(a, b) > kDistinctM || RotationAngle(a, b) > kDistinctRad;
+/// Whether its depths have the map's unit.
+bool HasScale(const KeyframeAlignment& alignment) { return alignment.match.scale == 1; }
+
+bool AreDistinctViews(const KeyframeAlignment& a, const KeyframeAlignment& b) {
+  return a.match.scale * Distance(a.T_session_camera, b.T_session_camera) > kDistinctM ||
+         RotationAngle(a.T_session_camera, b.T_session_camera) > kDistinctRad;
+}
+
+/// Residual of one alignment under S_map_session, [rho; phi], then its derivative by the perturbation of
+/// S_map_session: [rho; phi] of the pose on the right, and the logarithm of the scale.
+struct Linearized {
+  Vector6 error;
+  Matrix67 jacobian;
+};
+
+Linearized Linearize(const KeyframeAlignment& alignment, const Sim3& S_map_session) {
+  // Lengths of the session in the map's unit, as if the device had told them so.
+  const Eigen::Vector3d way = S_map_session.scale * alignment.T_session_camera.translation();
+  const Pose3 T_session_camera(alignment.T_session_camera.rotation(), way);
+  // e = Log(T_camera_map * T_map_session * T_session_camera); perturbing T_map_session on the right gives
+  // de/dd = Ad(T_camera_session) to first order in e.
+  Linearized result;
+  result.error = (alignment.match.T_map_camera.Inverse() * S_map_session.pose * T_session_camera).Log();
+  result.jacobian.leftCols<6>() = Adjoint(T_session_camera.Inverse());
+  result.jacobian.col(6) << T_session_camera.rotation().conjugate() * way, Eigen::Vector3d::Zero();
+  return result;
 }
 
 /// The most alignments, taken in order, whose views all differ.
@@ -37,7 +71,7 @@ std::vector<const KeyframeAlignment*> DistinctViews(std::span<const KeyframeAlig
   std::vector<const KeyframeAlignment*> distinct;
   for (const KeyframeAlignment* alignment : alignments) {
     const bool is_new = std::all_of(distinct.begin(), distinct.end(), [&](const KeyframeAlignment* other) {
-      return AreDistinctViews(alignment->T_session_camera, other->T_session_camera);
+      return AreDistinctViews(*alignment, *other);
     });
     if (is_new) distinct.push_back(alignment);
   }
@@ -58,8 +92,18 @@ bool AlignmentConsensus::Agree(const KeyframeAlignment& a, const KeyframeAlignme
     return Distance(left, right) > options_.max_disagreement_m ||
            RotationAngle(left, right) > options_.max_disagreement_deg * kRadPerDeg;
   };
-  return !differ(b.T_map_session() * a.T_session_camera, a.match.T_map_camera) &&
-         !differ(a.T_map_session() * b.T_session_camera, b.match.T_map_camera);
+  if (!HasScale(a) || !HasScale(b)) {
+    // Between two keyframes' own scales a long way differs by much: judged by the one that explains both.
+    const KeyframeAlignment* const both[] = {&a, &b};
+    const Sim3 S_map_session = FuseAlignments(both).S_map_session;
+    return std::ranges::all_of(both, [&](const KeyframeAlignment* alignment) {
+      const double ratio = S_map_session.scale / alignment->match.scale;
+      return ratio < kMaxScaleRatio && ratio > 1 / kMaxScaleRatio &&
+             !differ(S_map_session * alignment->T_session_camera, alignment->match.T_map_camera);
+    });
+  }
+  return !differ(b.S_map_session() * a.T_session_camera, a.match.T_map_camera) &&
+         !differ(a.S_map_session() * b.T_session_camera, b.match.T_map_camera);
 }
 
 std::vector<const KeyframeAlignment*> AlignmentConsensus::AgreeingWith(const KeyframeAlignment& alignment) const {
@@ -80,37 +124,49 @@ bool AlignmentConsensus::Suffices(std::span<const KeyframeAlignment* const> agre
   return num_strong >= 2;
 }
 
-std::optional<Pose3> AlignmentConsensus::Decide() const {
+std::optional<Sim3> AlignmentConsensus::Decide() const {
   std::vector<const KeyframeAlignment*> best;
   for (const auto& [number, alignment] : alignments_) {
     std::vector<const KeyframeAlignment*> agreeing = AgreeingWith(alignment);
     if (agreeing.size() > best.size()) best = std::move(agreeing);
   }
   if (!Suffices(best)) return std::nullopt;
-  return FuseAlignments(best);
+  const FusedAlignment fused = FuseAlignments(best);
+  if (fused.scale_sigma > kMaxScaleSigma) return std::nullopt;
+  return fused.S_map_session;
 }
 
-Pose3 FuseAlignments(std::span<const KeyframeAlignment* const> alignments) {
+FusedAlignment FuseAlignments(std::span<const KeyframeAlignment* const> alignments) {
   constexpr int kIterations = 5;
-  Pose3 T_map_session = alignments.front()->T_map_session();
+  const double depth_weight = 1 / (kDepthScaleSigma * kDepthScaleSigma * static_cast<double>(alignments.size()));
+  const bool has_scale = std::ranges::all_of(alignments, [](const auto* alignment) { return HasScale(*alignment); });
+  FusedAlignment fused{.S_map_session = alignments.front()->S_map_session()};
+  Sim3& S_map_session = fused.S_map_session;
   for (int i = 0; i < kIterations; ++i) {
-    Matrix6 hessian = Matrix6::Zero();
-    Vector6 gradient = Vector6::Zero();
+    Matrix7 hessian = Matrix7::Zero();
+    Vector7 gradient = Vector7::Zero();
     for (const KeyframeAlignment* alignment : alignments) {
-      const Pose3& T_session_camera = alignment->T_session_camera;
-      // e = Log(T_camera_map * T_map_session * T_session_camera); perturbing T_map_session on the right gives
-      // de/dd = Ad(T_camera_session) to first order in e.
-      const Vector6 error = (alignment->match.T_map_camera.Inverse() * T_map_session * T_session_camera).Log();
-      const Matrix6 jacobian = Adjoint(T_session_camera.Inverse());
+      const Linearized at = Linearize(*alignment, S_map_session);
       const Matrix6 weight = LimitByDrift(alignment->match.information);
-      hessian += jacobian.transpose() * weight * jacobian;
-      gradient += jacobian.transpose() * weight * error;
+      hessian += at.jacobian.transpose() * weight * at.jacobian;
+      gradient += at.jacobian.transpose() * weight * at.error;
+      hessian(6, 6) += depth_weight;
+      gradient(6) += depth_weight * std::log(S_map_session.scale / alignment->match.scale);
     }
-    const Vector6 step = -hessian.ldlt().solve(gradient);
+    if (has_scale) {
+      hessian.row(6).setZero();
+      hessian.col(6).setZero();
+      hessian(6, 6) = 1;
+      gradient(6) = 0;
+    }
+    const Eigen::LDLT<Matrix7> solver(hessian);
+    const Vector7 step = -solver.solve(gradient);
     if (!step.allFinite()) break;
-    T_map_session = T_map_session * Pose3::Exp(step);
+    S_map_session.pose = S_map_session.pose * Pose3::Exp(step.head<6>());
+    S_map_session.scale *= std::exp(step(6));
+    if (!has_scale) fused.scale_sigma = std::sqrt(solver.solve(Vector7::Unit(6))(6));
   }
-  return T_map_session;
+  return fused;
 }
 
 }  // namespace mapp

@@ -1,5 +1,6 @@
 #include "server/service/alignment_projection.h"
 
+#include "server/service/median.h"
 #include "vision/pose_optimizer.h"
 
 #include <algorithm>
@@ -19,6 +20,12 @@ const double kAlikeCosine = std::cos(20.0 * std::numbers::pi / 180.0);
 constexpr double kFirstRadiusPx = 12;
 constexpr double kFinalRadiusPx = 6;
 constexpr int kMinMatches = 12;
+/// Triangulated depths may be off by this share: a third of a pixel over the least parallax, a degree and a bit, at
+/// which most points stand (docs/decisions/0014).
+constexpr double kTriangulatedShare = 0.15;
+/// Depths that have to tell a scale, and the share of them that has to agree on it.
+constexpr size_t kMinScales = 10;
+constexpr double kMinNearMedian = 0.5;
 constexpr MatchOptions kGuidedMatching = {.max_distance = 64, .max_ratio = 0.9, .mutual = true};
 
 constexpr double kNeighbourRangeM = 5.0;
@@ -81,11 +88,12 @@ PoseResult FitPose(const QueryKeyframe& query, std::span<const PointRecord> poin
                    const std::vector<GuidedMatch>& matches, const Pose3& T_map_camera) {
   std::vector<PoseObservation> observations;
   observations.reserve(matches.size());
+  const bool measured = query.view().depths == DepthKind::kMeasured;
   for (const GuidedMatch& match : matches) {
     observations.push_back({.p_world = points[match.point_idx].position,
                             .pixel = query.view().undistorted_px[match.feature_idx],
                             .sigma_px = OctaveScale(query.features()[match.feature_idx].keypoint.octave),
-                            .depth_m = query.depth_m(match.feature_idx)});
+                            .depth_m = measured ? query.depth_m(match.feature_idx) : 0.0});
   }
   return OptimizePose(query.view().pinhole, observations, T_map_camera,
                       {.bf_px_m = DepthWeightBf(query.view().camera)});
@@ -93,13 +101,30 @@ PoseResult FitPose(const QueryKeyframe& query, std::span<const PointRecord> poin
 
 bool DepthAgrees(const QueryKeyframe& query, int feature_idx, const Eigen::Vector3d& p_camera) {
   const double depth_m = query.depth_m(feature_idx);
-  return depth_m <= 0 || std::abs(p_camera.z() - depth_m) < PointTolerance(depth_m);
+  return depth_m <= 0 || std::abs(p_camera.z() - depth_m) < query.tolerance_m(depth_m);
+}
+
+/// The query at the scale that its depths have under `pose`; as it is when they have one.
+std::optional<QueryKeyframe> Rescale(const QueryKeyframe& query, std::span<const PointRecord> points,
+                                     const std::vector<GuidedMatch>& matches, const PoseResult& pose) {
+  if (query.view().depths != DepthKind::kUnscaled) return query;
+  std::vector<int> feature_idxs;
+  std::vector<Eigen::Vector3d> p_map;
+  for (size_t i = 0; i < matches.size(); ++i) {
+    if (!pose.inliers[i]) continue;
+    feature_idxs.push_back(matches[i].feature_idx);
+    p_map.push_back(points[static_cast<size_t>(matches[i].point_idx)].position);
+  }
+  const std::optional<double> scale = ScaleFromDepths(query, feature_idxs, p_map, pose.T_world_camera);
+  if (!scale) return std::nullopt;
+  return query.AtScale(*scale);
 }
 
 ProjectionAlignment Summarize(const QueryKeyframe& query, std::span<const PointRecord> points,
                               const std::vector<GuidedMatch>& matches, const PoseResult& pose) {
   ProjectionAlignment alignment;
   alignment.T_map_camera = pose.T_world_camera;
+  alignment.scale = query.scale();
   alignment.information = pose.information;
   alignment.num_offered = static_cast<int>(matches.size());
   const Pose3 T_camera_map = pose.T_world_camera.Inverse();
@@ -155,7 +180,18 @@ QueryKeyframe::QueryKeyframe(const FrameView& view) : view_(&view) {
 
 double QueryKeyframe::depth_m(int feature_idx) const {
   const std::optional<PointReference>& point = view_->keyframe.features[feature_idx].point;
-  return point ? point->depth_m : 0.0;
+  return point ? scale_ * point->depth_m : 0.0;
+}
+
+double QueryKeyframe::tolerance_m(double depth_m) const {
+  const double measured_m = PointTolerance(depth_m);
+  return view_->depths == DepthKind::kMeasured ? measured_m : std::max(measured_m, kTriangulatedShare * depth_m);
+}
+
+QueryKeyframe QueryKeyframe::AtScale(double scale) const {
+  QueryKeyframe scaled = *this;
+  scaled.scale_ = scale;
+  return scaled;
 }
 
 std::optional<Eigen::Vector3d> QueryKeyframe::PointInCamera(int feature_idx) const {
@@ -190,7 +226,26 @@ std::optional<ProjectionAlignment> AlignByProjection(const QueryKeyframe& query,
   if (narrow.size() < kMinMatches) return std::nullopt;
   const PoseResult refined = FitPose(query, points, narrow, rough.T_world_camera);
   if (!refined.converged) return std::nullopt;
-  return Summarize(query, points, narrow, refined);
+  const std::optional<QueryKeyframe> scaled = Rescale(query, points, narrow, refined);
+  if (!scaled) return std::nullopt;
+  return Summarize(*scaled, points, narrow, refined);
+}
+
+std::optional<double> ScaleFromDepths(const QueryKeyframe& query, std::span<const int> feature_idxs,
+                                      std::span<const Eigen::Vector3d> p_map, const Pose3& T_map_camera) {
+  const Pose3 T_camera_map = T_map_camera.Inverse();
+  std::vector<double> scales;
+  for (size_t i = 0; i < feature_idxs.size(); ++i) {
+    const double depth = query.depth_m(feature_idxs[i]) / query.scale();
+    const double depth_map_m = (T_camera_map * p_map[i]).z();
+    if (depth > 0 && depth_map_m > kMinDepthM) scales.push_back(depth_map_m / depth);
+  }
+  if (scales.size() < kMinScales) return std::nullopt;
+  const double median = Median(scales);
+  const auto num_near = std::ranges::count_if(
+      scales, [&](double scale) { return std::abs(scale - median) < kTriangulatedShare * median; });
+  if (static_cast<double>(num_near) < kMinNearMedian * static_cast<double>(scales.size())) return std::nullopt;
+  return median;
 }
 
 StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, SessionId besides,

@@ -22,13 +22,19 @@ struct AlignmentMatch {
 class QueryKeyframe {
  public:
   explicit QueryKeyframe(const FrameView& view);
+  /// The same keyframe, its depths of DepthKind::kUnscaled taken as so many of the map's units each.
+  QueryKeyframe AtScale(double scale) const;
 
   const FrameView& view() const { return *view_; }
   const std::vector<Feature>& features() const { return features_; }
   /// By undistorted pixel.
   const FeatureGrid& grid() const { return grid_; }
-  /// Depth along the optical axis that the device sent with the feature, metres; 0 = none.
+  double scale() const { return scale_; }
+  /// Depth along the optical axis that the device sent with the feature, in the map's unit; 0 = none.
   double depth_m(int feature_idx) const;
+  /// Greatest distance between an own point at this depth and the map point it matches: PointTolerance() for measured
+  /// depths, and more for what was triangulated over a short way or compares with such.
+  double tolerance_m(double depth_m) const;
   /// The feature's point in the camera's frame; nullopt without depth.
   std::optional<Eigen::Vector3d> PointInCamera(int feature_idx) const;
 
@@ -36,6 +42,7 @@ class QueryKeyframe {
   const FrameView* view_;
   std::vector<Feature> features_;
   FeatureGrid grid_;
+  double scale_ = 1;
 };
 
 /// Greatest distance between a keyframe's own point and the map point it matches, metres: the depth noise of RGB-D and
@@ -45,6 +52,8 @@ double PointTolerance(double depth_m);
 /// A camera pose supported by map points.
 struct ProjectionAlignment {
   Pose3 T_map_camera;
+  /// Length of the keyframe's unit in the map: 1 unless its depths are kUnscaled.
+  double scale = 1;
   /// Of the pose, [rho; phi] right perturbation (vision/pose_optimizer.h).
   Eigen::Matrix<double, 6, 6> information = Eigen::Matrix<double, 6, 6>::Zero();
   std::vector<AlignmentMatch> inliers;
@@ -54,10 +63,16 @@ struct ProjectionAlignment {
 };
 
 /// Refines a rough T_map_camera by guided matching: projects `points`, matches them within 12 and then 6 pixels (at
-/// octave 0), optimises the pose after each round and keeps what agrees in pixel and in depth. nullopt when the
-/// matches do not hold a pose: a normal outcome.
+/// octave 0), optimises the pose after each round and keeps what agrees in pixel and in depth. Only depths that were
+/// measured weigh in the pose; unscaled ones give a new scale after each round, begun at the query's. nullopt when the
+/// matches do not hold a pose, or the depths no scale: a normal outcome.
 std::optional<ProjectionAlignment> AlignByProjection(const QueryKeyframe& query, std::span<const PointRecord> points,
                                                      const Pose3& T_map_camera);
+
+/// Length of the keyframe's unit of depth in the map, by the points that it was matched with, seen from `T_map_camera`;
+/// nullopt when they do not agree on one.
+std::optional<double> ScaleFromDepths(const QueryKeyframe& query, std::span<const int> feature_idxs,
+                                      std::span<const Eigen::Vector3d> p_map, const Pose3& T_map_camera);
 
 /// What the camera should see again: points of the map met at about this angle before, whose descriptors should still
 /// be alike; those behind something nearer included.

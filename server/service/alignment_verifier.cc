@@ -14,6 +14,10 @@ constexpr MatchOptions kGlobalMatching = {.max_distance = 64, .max_ratio = 0.85,
 /// Below this many agreeing pairs a rigid motion is too often chance to be worth a guided match.
 constexpr RansacOptions kRigidRansac = {.max_iterations = 2000, .success_probability = 0.999, .min_inliers = 10};
 
+/// A sample of three pixels is solved a hundred times slower than one of three points is fitted.
+constexpr RansacOptions kPnpRansac = {.max_iterations = 300, .success_probability = 0.999, .min_inliers = 10};
+constexpr double kMaxPnpErrorPx = 6;
+
 constexpr double kSamePlaceM = 3.0;
 const double kSamePlaceCosine = std::cos(60.0 * std::numbers::pi / 180.0);
 /// Two poses of one keyframe that lie further apart than this are two places.
@@ -81,8 +85,13 @@ StatusOr<std::vector<Place>> MatchPlaces(MapReader& reader, const QueryKeyframe&
   return places;
 }
 
-/// A first T_map_camera from the matches alone.
-StatusOr<std::optional<Pose3>> EstimateFromMatches(MapReader& reader, const QueryKeyframe& query, const Place& place) {
+/// Query features and the points that they may show.
+struct PointPairs {
+  std::vector<int> feature_idxs;
+  std::vector<Eigen::Vector3d> p_map;
+};
+
+StatusOr<PointPairs> LoadPairs(MapReader& reader, const Place& place) {
   std::vector<AlignmentMatch> matches = place.matches;
   const auto key = [](const AlignmentMatch& match) { return std::make_pair(match.feature_idx, match.point); };
   std::sort(matches.begin(), matches.end(), [&](const auto& a, const auto& b) { return key(a) < key(b); });
@@ -97,20 +106,62 @@ StatusOr<std::optional<Pose3>> EstimateFromMatches(MapReader& reader, const Quer
   std::unordered_map<MapPointId, Eigen::Vector3d> positions;
   for (const PointRecord& point : points) positions.emplace(point.id, point.position);
 
-  std::vector<Eigen::Vector3d> p_camera;
-  std::vector<Eigen::Vector3d> p_map;
-  std::vector<double> tolerances_m;
+  PointPairs pairs;
   for (const AlignmentMatch& match : matches) {
     const auto position = positions.find(match.point);
     if (position == positions.end()) continue;
-    p_camera.push_back(*query.PointInCamera(match.feature_idx));
-    p_map.push_back(position->second);
-    tolerances_m.push_back(PointTolerance(query.depth_m(match.feature_idx)));
+    pairs.feature_idxs.push_back(match.feature_idx);
+    pairs.p_map.push_back(position->second);
+  }
+  return pairs;
+}
+
+/// A first T_map_camera, and what a unit of the query's depths is in the map.
+struct RoughAlignment {
+  Pose3 T_map_camera;
+  double scale = 1;
+};
+
+/// From the query's own points and the map's.
+std::optional<RoughAlignment> EstimateFromPoints(const QueryKeyframe& query, const PointPairs& pairs) {
+  std::vector<Eigen::Vector3d> p_camera;
+  std::vector<double> tolerances_m;
+  for (const int feature_idx : pairs.feature_idxs) {
+    p_camera.push_back(*query.PointInCamera(feature_idx));
+    tolerances_m.push_back(PointTolerance(query.depth_m(feature_idx)));
   }
   const std::optional<RigidResult> rigid =
-      EstimateRigid(p_camera, p_map, tolerances_m, /*with_scale=*/false, kRigidRansac);
-  if (!rigid) return std::optional<Pose3>();
-  return std::optional<Pose3>(rigid->T_target_source.pose);
+      EstimateRigid(p_camera, pairs.p_map, tolerances_m, /*with_scale=*/false, kRigidRansac);
+  if (!rigid) return std::nullopt;
+  return RoughAlignment{rigid->T_target_source.pose, 1};
+}
+
+/// From the query's pixels and the map's points, its depths last: triangulated ones are too uncertain for a sample of
+/// three to tell a similarity, and all of them together tell its scale well.
+std::optional<RoughAlignment> EstimateFromPixels(const QueryKeyframe& query, const PointPairs& pairs) {
+  std::vector<Eigen::Vector2d> pixels;
+  for (const int feature_idx : pairs.feature_idxs) pixels.push_back(query.view().undistorted_px[feature_idx]);
+  const std::optional<PnpResult> pose =
+      EstimatePose(query.view().pinhole, pairs.p_map, pixels, kMaxPnpErrorPx, kPnpRansac);
+  if (!pose) return std::nullopt;
+  std::vector<int> seen_idxs;
+  std::vector<Eigen::Vector3d> p_seen;
+  for (size_t i = 0; i < pixels.size(); ++i) {
+    if (!pose->inliers[i]) continue;
+    seen_idxs.push_back(pairs.feature_idxs[i]);
+    p_seen.push_back(pairs.p_map[i]);
+  }
+  const std::optional<double> scale = ScaleFromDepths(query, seen_idxs, p_seen, pose->T_world_camera);
+  if (!scale) return std::nullopt;
+  return RoughAlignment{pose->T_world_camera, *scale};
+}
+
+/// From the matches alone.
+StatusOr<std::optional<RoughAlignment>> EstimateFromMatches(MapReader& reader, const QueryKeyframe& query,
+                                                            const Place& place) {
+  MAPP_ASSIGN_OR_RETURN(const PointPairs pairs, LoadPairs(reader, place));
+  return query.view().depths == DepthKind::kUnscaled ? EstimateFromPixels(query, pairs)
+                                                     : EstimateFromPoints(query, pairs);
 }
 
 bool IsSupported(const ProjectionAlignment& alignment, const RegistrarOptions& options) {
@@ -146,11 +197,12 @@ StatusOr<VerificationResult> VerifyCandidates(MapReader& reader, const FrameView
   std::vector<ProjectionAlignment> tried;
   VerificationResult result;
   for (const Place& place : places) {
-    MAPP_ASSIGN_OR_RETURN(const std::optional<Pose3> T_map_camera, EstimateFromMatches(reader, keyframe, place));
-    if (!T_map_camera) continue;
+    MAPP_ASSIGN_OR_RETURN(const std::optional<RoughAlignment> rough, EstimateFromMatches(reader, keyframe, place));
+    if (!rough) continue;
     MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points,
-                          PointsSeenNear(reader, query.record.map, query.record.session, *T_map_camera));
-    std::optional<ProjectionAlignment> alignment = AlignByProjection(keyframe, points, *T_map_camera);
+                          PointsSeenNear(reader, query.record.map, query.record.session, rough->T_map_camera));
+    std::optional<ProjectionAlignment> alignment =
+        AlignByProjection(keyframe.AtScale(rough->scale), points, rough->T_map_camera);
     if (!alignment) continue;
     result.best_inliers = std::max(result.best_inliers, static_cast<int>(alignment->inliers.size()));
     tried.push_back(std::move(*alignment));

@@ -15,7 +15,11 @@ struct KeyframeAlignment {
   Pose3 T_session_camera;
   ProjectionAlignment match;
 
-  Pose3 T_map_session() const { return match.T_map_camera * T_session_camera.Inverse(); }
+  Sim3 S_map_session() const {
+    const Eigen::Quaterniond R_map_session = match.T_map_camera.rotation() * T_session_camera.rotation().conjugate();
+    const Eigen::Vector3d way_map = match.scale * (R_map_session * T_session_camera.translation());
+    return {match.scale, Pose3(R_map_session, match.T_map_camera.translation() - way_map)};
+  }
 };
 
 struct VerificationResult {
@@ -25,9 +29,10 @@ struct VerificationResult {
 
 /// Geometric verification (DESIGN 7): does the keyframe `query` see what one of the `candidates`, frames of the map
 /// that other sessions brought, saw? Candidates that stand together are tried as one place: descriptors matched against
-/// each, a rigid motion between the keyframe's own points and the map's by RANSAC, then guided matching with all points
-/// around. A keyframe that two places explain about equally well proves nothing and gives no alignment. Errors are the
-/// reader's.
+/// each, a rigid motion between the keyframe's own points and the map's by RANSAC (for depths without scale, the
+/// camera's pose by the map's points and their pixels, and then the depths' scale), then guided matching with all
+/// points around. A keyframe that two places explain about equally well proves nothing and gives no alignment. Errors
+/// are the reader's.
 StatusOr<VerificationResult> VerifyCandidates(MapReader& reader, const FrameView& query,
                                               std::span<const FrameId> candidates, const RegistrarOptions& options);
 

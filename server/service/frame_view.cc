@@ -1,6 +1,7 @@
 #include "server/service/frame_view.h"
 
 #include "mapp/codec/keyframe_codec.h"
+#include "server/service/session_view.h"
 
 #include <fmt/format.h>
 
@@ -45,6 +46,12 @@ std::vector<OrbDescriptor> FrameView::Descriptors() const {
   return descriptors;
 }
 
+DepthKind DepthKindOf(const SessionRecord& session, const MapRecord& map) {
+  const bool measured = MeasuresDepth(session.sensor);
+  if (!session.T_map_session && !(measured && map.has_metric_scale)) return DepthKind::kUnscaled;
+  return measured ? DepthKind::kMeasured : DepthKind::kTriangulated;
+}
+
 StatusOr<FrameView> LoadFrame(MapReader& reader, FrameId frame) {
   FrameView view;
   MAPP_ASSIGN_OR_RETURN(view.record, reader.GetFrame(frame));
@@ -59,6 +66,10 @@ StatusOr<FrameView> LoadFrame(MapReader& reader, FrameId frame) {
         fmt::format("frame {}: stored packet: {}", frame.value(), std::string(keyframe.status().message())));
   }
   view.keyframe = *std::move(keyframe);
+  MAPP_ASSIGN_OR_RETURN(const SessionRecord session, reader.GetSession(view.record.session));
+  MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader.GetMap(view.record.map));
+  ScaleLengths(view.keyframe, session.scale_map_session);
+  view.depths = DepthKindOf(session, map);
 
   view.undistorted_px.reserve(view.keyframe.features.size());
   for (const KeyframeFeature& feature : view.keyframe.features) {

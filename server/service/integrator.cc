@@ -3,6 +3,8 @@
 #include "mapp/codec/keyframe_codec.h"
 #include "server/service/frame_view.h"
 #include "server/service/keyframe_writer.h"
+#include "server/service/map_scale.h"
+#include "server/service/median.h"
 #include "server/service/registrar.h"
 #include "server/service/session_events.h"
 #include "server/service/session_guard.h"
@@ -13,6 +15,7 @@
 
 #include <fmt/format.h>
 
+#include <limits>
 #include <optional>
 #include <unordered_map>
 #include <utility>
@@ -22,8 +25,8 @@ namespace mapp {
 /// A keyframe as it arrived, and its session before the transaction.
 struct Integrator::Upload {
   const std::string& packet;
-  Keyframe keyframe;
   SessionView view;
+  Keyframe keyframe;  ///< lengths in the map's unit, as far as `view` knows it
   /// By feature: the point that the session's own number for it stands for already.
   std::vector<std::optional<MapPointId>> known_points;
   Associations associations;
@@ -37,32 +40,52 @@ struct Integrator::Outcome {
   Finding finding = Finding::kSilent;
   std::vector<TileChange> changes;
   std::optional<QuarantinedSession> quarantined;
+  std::optional<RescaledMap> rescaled;
 };
 
 namespace {
 
-bool IsMetric(SensorKind sensor) { return sensor == SensorKind::kStereo || sensor == SensorKind::kRgbd; }
+/// As AssociationOptions::max_depth_error_ratio, of depths that were triangulated.
+constexpr double kTriangulatedDepthError = 0.15;
+
+bool MayFound(SensorKind sensor) { return sensor != SensorKind::kMonoInertial; }
 
 StatusOr<UploadResult> StoredBefore(MapReader& reader, const SessionRecord& session, FrameId frame) {
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader.GetMap(session.map));
-  return UploadResult{frame, true, map.revision, session.T_map_session};
+  return UploadResult{frame, true, map.revision, session.T_map_session, session.scale_map_session};
 }
 
-/// The session's first keyframe makes its frame the map's, if nobody's has and its scale is metric.
+/// Of the keyframe's points; nullopt when it has none.
+std::optional<double> MedianDepth(const Keyframe& keyframe) {
+  std::vector<double> depths;
+  for (const KeyframeFeature& feature : keyframe.features) {
+    if (feature.point) depths.push_back(feature.point->depth_m);
+  }
+  if (depths.empty()) return std::nullopt;
+  return Median(std::move(depths));
+}
+
+/// The session's first keyframe makes its frame the map's, if nobody's has.
 Status FoundMapIfFirst(MapWriter& writer, const Keyframe& keyframe, const EvidenceOptions& evidence,
                        SessionRecord& session) {
-  if (session.T_map_session || !IsMetric(session.sensor)) return absl::OkStatus();
+  if (session.T_map_session || !MayFound(session.sensor)) return absl::OkStatus();
   // Everybody after it would be measured by it.
   if (IsFalse(JudgeDepths(keyframe, session.sensor, evidence).finding)) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(session.map));
   if (map.founder) return absl::OkStatus();
+  if (!MeasuresDepth(session.sensor)) {
+    const std::optional<double> depth = MedianDepth(keyframe);
+    if (!depth) return absl::OkStatus();
+    session.scale_map_session = kNominalDepthM / *depth;
+    MAPP_RETURN_IF_ERROR(writer.SetMetricScale(map.id, false));
+  }
   MAPP_RETURN_IF_ERROR(writer.SetFounder(map.id, session.id));
   session.T_map_session = Pose3();
   session.aligned_at_keyframe = keyframe.number;
   return writer.UpdateSession(session);
 }
 
-/// T_map_camera for an aligned session, T_session_camera for a fragment's.
+/// T_map_camera for an aligned session, T_session_camera for a fragment's; of a keyframe in its session's present unit.
 StatusOr<Pose3> PoseToStore(const SessionRecord& session, const Keyframe& keyframe) {
   if (session.T_map_session || keyframe.pose_frame == PoseFrame::kMap) {
     return PoseInMap(session, keyframe.pose_frame, keyframe.T_frame_camera, "keyframe.pose");
@@ -109,6 +132,7 @@ StatusOr<UploadResult> Integrator::Integrate(const CallContext& context, const s
     MAPP_RETURN_IF_ERROR(Validate(upload.keyframe, upload.view.camera, upload.view.map.features));
     MAPP_ASSIGN_OR_RETURN(const auto stored, reader->FindFrame(upload.keyframe.session, upload.keyframe.number));
     if (stored) return StoredBefore(*reader, upload.view.session, *stored);
+    ScaleLengths(upload.keyframe, upload.view.session.scale_map_session);
     MAPP_RETURN_IF_ERROR(CheckOpen(upload.view.session));
     MAPP_RETURN_IF_ERROR(CheckNotQuarantined(upload.view.session));
     MAPP_ASSIGN_OR_RETURN(upload.known_points, FindKnownPoints(*reader, upload.keyframe));
@@ -145,7 +169,16 @@ StatusOr<Associations> Integrator::Associate(const Upload& upload) const {
     if (!upload.known_points[i]) unknown.push_back(i);
   }
   MAPP_ASSIGN_OR_RETURN(const auto tiles, tiles_.TilesInBox(view.map, view.Cone().BoundingBox()));
-  return AssociateFeatures(view, upload.keyframe, unknown, tiles, taken, options_.association);
+  AssociationOptions options = options_.association;
+  if (!MeasuresDepth(upload.view.session.sensor)) options.max_depth_error_ratio = kTriangulatedDepthError;
+  return AssociateFeatures(view, upload.keyframe, unknown, tiles, taken, options);
+}
+
+Keyframe Integrator::InUnitOf(const SessionRecord& session, const Upload& upload) {
+  Keyframe keyframe = upload.keyframe;
+  // Between the first look and now the session may have been aligned, or its map rescaled.
+  ScaleLengths(keyframe, session.scale_map_session / upload.view.session.scale_map_session);
+  return keyframe;
 }
 
 Status Integrator::Store(MapWriter& writer, const Upload& upload, Outcome& outcome) const {
@@ -159,33 +192,47 @@ Status Integrator::Store(MapWriter& writer, const Upload& upload, Outcome& outco
   MAPP_RETURN_IF_ERROR(CheckOpen(session));
   MAPP_RETURN_IF_ERROR(CheckNotQuarantined(session));
   MAPP_RETURN_IF_ERROR(FoundMapIfFirst(writer, upload.keyframe, guard_.evidence_options(), session));
-  MAPP_ASSIGN_OR_RETURN(const Pose3 T_frame_camera, PoseToStore(session, upload.keyframe));
+  const Keyframe keyframe = InUnitOf(session, upload);
+  MAPP_ASSIGN_OR_RETURN(const Pose3 T_frame_camera, PoseToStore(session, keyframe));
   outcome.in_map = session.T_map_session.has_value();
   KeyframeEvidence evidence;
   const auto admit = [&](std::span<const KnownPoint> known) {
     // An operator's word is the last one.
-    if (!session.quarantine) evidence = Judge(upload, T_frame_camera, known);
+    if (!session.quarantine) evidence = Judge(upload, keyframe, T_frame_camera, known);
     // A fragment is compared as a whole before it may merge.
     return !outcome.in_map || !IsFalse(evidence.finding);
   };
-  MAPP_ASSIGN_OR_RETURN(
-      WrittenKeyframe written,
-      WriteKeyframe(writer, {upload.keyframe, upload.packet, upload.view.camera, session, outcome.in_map,
-                             T_frame_camera, upload.associations.found, admit, upload.logged_frame}));
+  MAPP_ASSIGN_OR_RETURN(WrittenKeyframe written,
+                        WriteKeyframe(writer, {keyframe, upload.packet, upload.view.camera, session, outcome.in_map,
+                                               T_frame_camera, upload.associations.found, admit, upload.logged_frame}));
   outcome.admitted = written.admitted;
   outcome.finding = evidence.finding;
-  outcome.result = {written.frame, false, written.revision, session.T_map_session};
+  outcome.result = {written.frame, false, written.revision, session.T_map_session, session.scale_map_session};
   outcome.changes = std::move(written.changes);
   MAPP_ASSIGN_OR_RETURN(outcome.quarantined, guard_.Note(writer, session, upload.keyframe.number, evidence));
+  if (outcome.in_map && written.admitted) {
+    MAPP_ASSIGN_OR_RETURN(outcome.rescaled, KeepNominalScale(writer, session));
+  }
+  if (outcome.rescaled) {
+    MAPP_ASSIGN_OR_RETURN(session, writer.GetSession(session.id));
+    outcome.result.T_map_session = session.T_map_session;
+    outcome.result.scale_map_session = session.scale_map_session;
+  }
   return absl::OkStatus();
 }
 
-KeyframeEvidence Integrator::Judge(const Upload& upload, const Pose3& T_frame_camera,
+KeyframeEvidence Integrator::Judge(const Upload& upload, const Keyframe& keyframe, const Pose3& T_frame_camera,
                                    std::span<const KnownPoint> known) const {
-  const EvidenceOptions& options = guard_.evidence_options();
-  const KeyframeEvidence depths = JudgeDepths(upload.keyframe, upload.view.session.sensor, options);
+  EvidenceOptions options = guard_.evidence_options();
+  const SensorKind sensor = upload.view.session.sensor;
+  // What a single camera has triangulated changes while its map ripens: then it says nothing against the session.
+  if (!MeasuresDepth(sensor)) {
+    options.max_depth_off_ratio = std::numeric_limits<double>::infinity();
+    options.depth_tolerance = std::numeric_limits<double>::infinity();
+  }
+  const KeyframeEvidence depths = JudgeDepths(keyframe, sensor, options);
   if (IsFalse(depths.finding)) return depths;
-  const KeyframeEvidence own = JudgeKnownPoints(upload.keyframe, upload.view.camera, T_frame_camera, known, options);
+  const KeyframeEvidence own = JudgeKnownPoints(keyframe, upload.view.camera, T_frame_camera, known, options);
   if (IsFalse(own.finding)) return own;
   const KeyframeEvidence map = JudgeComparison(upload.associations.comparison, options);
   return map.finding == Finding::kSilent ? own : map;
@@ -194,7 +241,9 @@ KeyframeEvidence Integrator::Judge(const Upload& upload, const Pose3& T_frame_ca
 void Integrator::Announce(const Upload& upload, const Outcome& outcome) const {
   if (outcome.result.already_stored) return;
   const MapId map = upload.view.map.id;
-  if (!outcome.changes.empty()) {
+  if (outcome.rescaled) {
+    AnnounceRescaled(tiles_, events_, map, outcome.result.map_revision, *outcome.rescaled);
+  } else if (!outcome.changes.empty()) {
     tiles_.Apply(map, outcome.result.map_revision, outcome.changes);
     TilesChanged event{{}, outcome.result.map_revision};
     for (const TileChange& change : outcome.changes) event.keys.push_back(change.key);
@@ -226,7 +275,7 @@ Status Integrator::IntegrateLogged(const CallContext& context, FrameId frame) {
     MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store_.Read());
     MAPP_ASSIGN_OR_RETURN(FrameView view, LoadFrame(*reader, frame));
     MAPP_ASSIGN_OR_RETURN(packet, reader->GetPacket(frame));
-    upload.keyframe = std::move(view.keyframe);
+    upload.keyframe = std::move(view.keyframe);  // in the map's unit already
     MAPP_ASSIGN_OR_RETURN(upload.view, LoadSession(*reader, upload.keyframe.session));
     MAPP_ASSIGN_OR_RETURN(upload.known_points, FindKnownPoints(*reader, upload.keyframe));
   }
@@ -235,8 +284,9 @@ Status Integrator::IntegrateLogged(const CallContext& context, FrameId frame) {
   outcome.in_map = true;
   const auto store = [&](MapWriter& writer) -> Status {
     MAPP_ASSIGN_OR_RETURN(const SessionRecord session, writer.GetSession(upload.keyframe.session));
-    MAPP_ASSIGN_OR_RETURN(const Pose3 T_map_camera, PoseToStore(session, upload.keyframe));
-    MAPP_ASSIGN_OR_RETURN(WrittenKeyframe written, WriteKeyframe(writer, {upload.keyframe,
+    const Keyframe keyframe = InUnitOf(session, upload);
+    MAPP_ASSIGN_OR_RETURN(const Pose3 T_map_camera, PoseToStore(session, keyframe));
+    MAPP_ASSIGN_OR_RETURN(WrittenKeyframe written, WriteKeyframe(writer, {keyframe,
                                                                           upload.packet,
                                                                           upload.view.camera,
                                                                           session,
@@ -245,7 +295,7 @@ Status Integrator::IntegrateLogged(const CallContext& context, FrameId frame) {
                                                                           upload.associations.found,
                                                                           {},
                                                                           upload.logged_frame}));
-    outcome.result = {written.frame, false, written.revision, session.T_map_session};
+    outcome.result = {written.frame, false, written.revision, session.T_map_session, session.scale_map_session};
     outcome.changes = std::move(written.changes);
     return absl::OkStatus();
   };

@@ -34,12 +34,12 @@ class Integrator {
              const IntegratorOptions& options);
 
   /// `packet`: codec/keyframe_codec.h. Durable when it returns OK; sent again, it changes nothing. The first keyframe
-  /// of a metric session in a map without a founder founds the frame `map`; keyframes of sessions that are not aligned
-  /// stay in their session's frame as its fragment.
-  /// Each is judged (session_guard.h); one that contradicts its session or the map outright goes to the keyframe log
-  /// alone, and after some of them the session is quarantined.
-  /// INVALID_ARGUMENT: malformed. NOT_FOUND: no such session. FAILED_PRECONDITION: the session is closed or
-  /// quarantined, or tells a pose in the map before it is aligned.
+  /// of a session in a map without a founder founds the frame `map`: in metres, or, when the session is of a single
+  /// camera, as one of unknown scale whose unit makes the keyframe's median depth kNominalDepthM (map_scale.h).
+  /// Keyframes of sessions that are not aligned stay in their session's frame as its fragment. Each is judged
+  /// (session_guard.h); one that contradicts its session or the map outright goes to the keyframe log alone, and after
+  /// some of them the session is quarantined. INVALID_ARGUMENT: malformed. NOT_FOUND: no such session.
+  /// FAILED_PRECONDITION: the session is closed or quarantined, or tells a pose in the map before it is aligned.
   StatusOr<UploadResult> Integrate(const CallContext& context, const std::string& packet);
 
   /// Takes into the map what an aligned session has in the keyframe log alone, in its order, unjudged; the number of
@@ -52,8 +52,11 @@ class Integrator {
 
   StatusOr<Associations> Associate(const Upload& upload) const;
   Status Store(MapWriter& writer, const Upload& upload, Outcome& outcome) const;
+  /// The upload's keyframe, its lengths in the unit that the session has now.
+  static Keyframe InUnitOf(const SessionRecord& session, const Upload& upload);
   /// The keyframe's own word, and the map's about it.
-  KeyframeEvidence Judge(const Upload& upload, const Pose3& T_frame_camera, std::span<const KnownPoint> known) const;
+  KeyframeEvidence Judge(const Upload& upload, const Keyframe& keyframe, const Pose3& T_frame_camera,
+                         std::span<const KnownPoint> known) const;
   Status IntegrateLogged(const CallContext& context, FrameId frame);
   void Announce(const Upload& upload, const Outcome& outcome) const;
 

@@ -1,5 +1,7 @@
 #include "server/service/keyframe_evidence.h"
 
+#include "server/service/median.h"
+
 #include <fmt/format.h>
 
 #include <algorithm>
@@ -7,12 +9,6 @@
 
 namespace mapp {
 namespace {
-
-double Median(std::vector<double> values) {
-  const auto middle = values.begin() + static_cast<std::ptrdiff_t>(values.size() / 2);
-  std::nth_element(values.begin(), middle, values.end());
-  return *middle;
-}
 
 bool IsAstray(const Keyframe& keyframe, const Camera& camera, const Pose3& T_camera_frame, const KnownPoint& known,
               const EvidenceOptions& options) {

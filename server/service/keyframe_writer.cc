@@ -1,6 +1,7 @@
 #include "server/service/keyframe_writer.h"
 
 #include "server/service/point_stats.h"
+#include "server/service/session_view.h"
 #include "storage/map_store.h"
 
 #include <map>
@@ -62,7 +63,7 @@ class KeyframeWriter {
     FrameRecord frame = MakeFrameRecord();
     if (!admitted && input_.in_map) {
       frame.in_map = false;
-      frame.T_frame_camera = input_.session.T_map_session->Inverse() * input_.T_frame_camera;
+      frame.T_frame_camera = input_.session.S_map_session().Inverse() * input_.T_frame_camera;
     }
     return writer_.InsertFrame(frame, input_.packet, {});
   }
@@ -188,7 +189,9 @@ class KeyframeWriter {
 
   void AddRow(size_t feature_idx, const PointRecord& point) {
     observed_.insert(point.id);
-    observations_.push_back({static_cast<uint16_t>(feature_idx), point.id, FeatureAt(feature_idx).point->depth_m});
+    // A triangulated depth is no measurement: it says what the pixels have said.
+    const float measured_m = MeasuresDepth(input_.session.sensor) ? FeatureAt(feature_idx).point->depth_m : 0.0F;
+    observations_.push_back({static_cast<uint16_t>(feature_idx), point.id, measured_m});
     if (!input_.in_map) return;
     const TileKey key = TileGrid{map_.tile_edge_m}.KeyOf(point.position);
     changes_[key].upserted.push_back(point);

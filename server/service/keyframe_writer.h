@@ -18,7 +18,7 @@ class MapWriter;
 
 /// A keyframe on its way into the map or into its session's fragment. Borrows what it refers to.
 struct KeyframeToWrite {
-  const Keyframe& keyframe;
+  const Keyframe& keyframe;  ///< lengths in the unit of the frame below (ScaleLengths)
   const std::string& packet;
   const Camera& camera;
   const SessionRecord& session;

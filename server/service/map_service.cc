@@ -174,6 +174,7 @@ StatusOr<AssessedOverlap> MapService::AssessOverlap(const CallContext& context, 
         fmt::format("num_samples: must be in [1, {}], got {}", kMaxFeatures, num_samples));
   }
   MAPP_ASSIGN_OR_RETURN(const SessionView open, LoadOpenSession(impl_->store, session));
+  MAPP_RETURN_IF_ERROR(CheckMeasuresDepth(open.session));
   MAPP_ASSIGN_OR_RETURN(const MapView map_view, ViewInMap(open, view.pose_frame, view.T_frame_camera, "view.pose"));
   MAPP_ASSIGN_OR_RETURN(OverlapAnswer answer, AssessView(impl_->tiles, map_view, view, num_samples));
   return AssessedOverlap{std::move(answer), open.map.revision};
@@ -194,6 +195,7 @@ StatusOr<SharedMapResult> MapService::RequestSharedMap(const CallContext& contex
         fmt::format("min_seen_by_others: must be in [0, 1], got {}", input.min_seen_by_others));
   }
   MAPP_ASSIGN_OR_RETURN(const SessionView open, LoadOpenSession(impl_->store, input.session));
+  MAPP_RETURN_IF_ERROR(CheckMeasuresDepth(open.session));
   MAPP_ASSIGN_OR_RETURN(const MapView view,
                         ViewInMap(open, input.view.pose_frame, input.view.T_frame_camera, "view.pose"));
   if (input.min_seen_by_others > 0) {
@@ -210,6 +212,7 @@ StatusOr<UpdateResult> MapService::ReportUpdate(const CallContext& context, Sess
         fmt::format("keyframes: must be 1 to {}, got {}", kMaxReportedKeyframes, packets.size()));
   }
   MAPP_ASSIGN_OR_RETURN(const SessionView open, LoadOpenSession(impl_->store, session));
+  MAPP_RETURN_IF_ERROR(CheckMeasuresDepth(open.session));
   std::vector<ReportedKeyframe> reported;
   for (size_t i = 0; i < packets.size(); ++i) {
     MAPP_RETURN_IF_ERROR(context.Check());
@@ -251,7 +254,8 @@ StatusOr<std::unique_ptr<SessionEvents::Subscription>> MapService::WatchSession(
   MAPP_ASSIGN_OR_RETURN(const SessionRecord present, FindSession(impl_->store, session));
   std::vector<SessionEvent> standing;
   if (present.T_map_session) {
-    standing.emplace_back(SessionAligned{*present.T_map_session, present.aligned_at_keyframe.value_or(0)});
+    standing.emplace_back(
+        SessionAligned{*present.T_map_session, present.aligned_at_keyframe.value_or(0), present.scale_map_session});
   }
   if (present.IsQuarantined()) standing.emplace_back(SessionQuarantined{present.quarantine->reason});
   gate->Open(standing);

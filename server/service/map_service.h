@@ -40,6 +40,7 @@ class MapService {
   ~MapService();
 
   StatusOr<OpenedSession> OpenSession(const CallContext& context, const OpenSessionInput& input);
+  /// This and the two calls about a view, FAILED_PRECONDITION: the session is of a single camera (CheckMeasuresDepth).
   StatusOr<AssessedOverlap> AssessOverlap(const CallContext& context, SessionId session, const ViewQuery& view,
                                           int num_samples);
   /// `packet`: codec/keyframe_codec.h. Durable when it returns OK.

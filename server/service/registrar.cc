@@ -2,6 +2,7 @@
 
 #include "server/service/alignment_consensus.h"
 #include "server/service/fragment_index.h"
+#include "server/service/map_scale.h"
 #include "server/service/merger.h"
 #include "server/service/placement_check.h"
 #include "server/service/serial_worker.h"
@@ -44,12 +45,18 @@ struct Task {
 constexpr double kSameViewM = 0.7;
 constexpr double kSameViewRad = 20.0 * std::numbers::pi / 180.0;
 
+/// What the keyframes of a fragment have said.
+struct FragmentWords {
+  double map_unit = 1;  ///< UnitOf(the map) at the time: another one makes them void
+  AlignmentConsensus consensus;
+};
+
 /// What is known of one map; all of it can be had again from the store.
 struct MapState {
   PlaceIndex index{PlaceIndex::Options{}};
   std::unordered_set<FrameId> indexed_frames;
-  std::unordered_map<SessionId, AlignmentConsensus> fragments;
-  FragmentIndex unmerged;                             ///< keyframes of metric fragments
+  std::unordered_map<SessionId, FragmentWords> fragments;
+  FragmentIndex unmerged;                             ///< keyframes of fragments
   std::unordered_map<SessionId, Pose3> last_checked;  ///< T_map_camera of the last doubtful keyframe looked at
 };
 
@@ -73,7 +80,7 @@ struct Registrar::Impl {
   /// Merges the fragment of `frame` if its keyframes have agreed on a place and the way around it does not contradict
   /// it.
   Status MergeIfDecided(MapReader& reader, const FrameRecord& frame, AlignmentConsensus& consensus, MapState& state);
-  Status Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session, MapState& state);
+  Status Merge(MapReader& reader, const FrameRecord& frame, const Sim3& S_map_session, MapState& state);
   /// Tries the fragments again that have a keyframe like this frame of the map.
   Status RecallFragments(MapReader& reader, const FrameRecord& frame, MapState& state);
   /// A close look at a doubtful keyframe, unless it shows what the one before it did.
@@ -119,7 +126,7 @@ Status Registrar::Impl::AddFrames(MapReader& reader, MapId map, std::optional<Se
     }
     MAPP_ASSIGN_OR_RETURN(const SessionRecord record, reader.GetSession(frame.session));
     // Frames left out of an aligned session are nobody's fragment.
-    if (record.sensor == SensorKind::kMono || record.T_map_session || record.IsQuarantined()) continue;
+    if (record.T_map_session || record.IsQuarantined()) continue;
     MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
     state.unmerged.Add(frame.session, frame.id, view.Descriptors());
   }
@@ -163,8 +170,13 @@ StatusOr<AlignmentTried> Registrar::Impl::TryKeyframe(MapReader& reader, const F
 /// before `newest` are asked again: what they said was only in memory.
 StatusOr<AlignmentConsensus*> Registrar::Impl::ConsensusOf(MapReader& reader, const FrameRecord& newest,
                                                            MapState& state) const {
-  const auto [fragment, is_new] = state.fragments.try_emplace(newest.session, options);
-  AlignmentConsensus* const consensus = &fragment->second;
+  MAPP_ASSIGN_OR_RETURN(const double map_unit, UnitOf(reader, newest.map));
+  auto [fragment, is_new] = state.fragments.try_emplace(newest.session, map_unit, AlignmentConsensus(options));
+  if (fragment->second.map_unit != map_unit) {
+    fragment->second = {map_unit, AlignmentConsensus(options)};
+    is_new = true;
+  }
+  AlignmentConsensus* const consensus = &fragment->second.consensus;
   if (!is_new) return consensus;
   MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> earlier, reader.ListFrames(newest.map, newest.session));
   std::erase_if(earlier, [&](const FrameRecord& frame) { return frame.id >= newest.id; });
@@ -179,7 +191,7 @@ StatusOr<AlignmentConsensus*> Registrar::Impl::ConsensusOf(MapReader& reader, co
 Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecord& frame, MapState& state) {
   MAPP_ASSIGN_OR_RETURN(const SessionRecord session, reader.GetSession(frame.session));
   if (session.T_map_session) return absl::OkStatus();  // left out of the map for good
-  if (session.sensor == SensorKind::kMono || session.IsQuarantined()) {
+  if (session.IsQuarantined()) {
     events.Publish(frame.session, AlignmentTried{.keyframe = frame.number});
     return absl::OkStatus();
   }
@@ -197,18 +209,21 @@ Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecor
 
 Status Registrar::Impl::MergeIfDecided(MapReader& reader, const FrameRecord& frame, AlignmentConsensus& consensus,
                                        MapState& state) {
-  const std::optional<Pose3> T_map_session = consensus.Decide();
-  if (!T_map_session) return absl::OkStatus();
-  MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, frame, *T_map_session));
-  if (Tolerates(options, way)) return Merge(reader, frame, *T_map_session, state);
+  const std::optional<Sim3> S_map_session = consensus.Decide();
+  if (!S_map_session) return absl::OkStatus();
+  MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, frame, *S_map_session));
+  if (Tolerates(options, way)) return Merge(reader, frame, *S_map_session, state);
   consensus.Forget();
   return absl::OkStatus();
 }
 
-Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const Pose3& T_map_session,
-                              MapState& state) {
-  MAPP_ASSIGN_OR_RETURN(const PointFusions fusions, FindFusions(reader, frame.session, T_map_session));
-  MAPP_RETURN_IF_ERROR(MergeFragment(store, tiles, events, CallContext{}, frame.session, T_map_session, fusions));
+Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const Sim3& S_map_session, MapState& state) {
+  MAPP_ASSIGN_OR_RETURN(const PointFusions fusions, FindFusions(reader, frame.session, S_map_session));
+  const Status merge_status = MergeFragment(store, tiles, events, CallContext{}, frame.session,
+                                            {S_map_session, state.fragments.at(frame.session).map_unit}, fusions);
+  // The map has another unit of length by now: its keyframes have to be asked again.
+  if (absl::IsAborted(merge_status)) return absl::OkStatus();
+  MAPP_RETURN_IF_ERROR(merge_status);
   state.fragments.erase(frame.session);
   state.unmerged.Remove(frame.session);
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> merged, store.Read());
@@ -228,12 +243,15 @@ Status Registrar::Impl::RecallFragments(MapReader& reader, const FrameRecord& fr
   if (state.unmerged.empty()) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
   for (const FrameId recalled : state.unmerged.LookingLike(view.Descriptors(), kMaxRecalled)) {
-    MAPP_ASSIGN_OR_RETURN(const FrameView own, LoadFrame(reader, recalled));
+    // As the map stands now: the one before may have merged, and given the map another unit.
+    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> now, store.Read());
+    MAPP_ASSIGN_OR_RETURN(const FrameView own, LoadFrame(*now, recalled));
+    if (own.record.in_map) continue;
     // Something always looks most alike: only what also fits this one frame is worth the whole comparison.
     const FrameId joined[] = {frame.id};
-    MAPP_ASSIGN_OR_RETURN(const VerificationResult fit, VerifyCandidates(reader, own, joined, options));
+    MAPP_ASSIGN_OR_RETURN(const VerificationResult fit, VerifyCandidates(*now, own, joined, options));
     if (fit.best_inliers < options.min_inliers) continue;
-    MAPP_RETURN_IF_ERROR(TryAgain(reader, own, state));
+    MAPP_RETURN_IF_ERROR(TryAgain(*now, own, state));
   }
   return absl::OkStatus();
 }

@@ -29,7 +29,7 @@ struct RegistrarOptions {
   int min_consistent_keyframes = 3;  ///< that agree before a merge (DESIGN 7)
   /// Two keyframes suffice when both have this many inliers.
   int strong_inliers = 100;
-  double max_disagreement_m = 0.15;  ///< between their T_map_session, at the keyframe
+  double max_disagreement_m = 0.15;  ///< between their S_map_session, at the keyframe
   double max_disagreement_deg = 4.0;
   /// A second place that explains the keyframe with this share of the best place's inliers makes it ambiguous: it then
   /// proves nothing (equal rooms, equal cars).
@@ -54,7 +54,9 @@ inline bool Tolerates(const RegistrarOptions& options, const ViewAgreement& agre
 /// Thread-safe. Publishes AlignmentTried for every keyframe of a fragment, and SessionAligned.
 /// A fragment that found no place in the map, closed or not, is tried again when a frame joins the map that looks like
 /// one of its own: it merges as soon as the map has grown to where it was.
-/// Sessions of sensor kMono have no scale and stay fragments. Quarantined sessions are not compared with anything.
+/// A fragment of another unit of length than the map's joins it by a similarity: that of a single camera takes the
+/// map's scale, and the first one in metres gives its scale to a map that has none yet (map_scale.h). Quarantined
+/// sessions are not compared with anything.
 class Registrar {
  public:
   Registrar(MapStore& store, TileCache& tiles, SessionEvents& events, const RegistrarOptions& options);

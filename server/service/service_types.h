@@ -32,6 +32,7 @@ struct UploadResult {
   bool already_stored = false;
   Revision map_revision;
   std::optional<Pose3> T_map_session;
+  double scale_map_session = 1;  ///< SessionRecord::scale_map_session
 };
 struct HeldTile {
   TileKey key;

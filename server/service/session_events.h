@@ -24,9 +24,11 @@ struct AlignmentTried {
 struct SessionAligned {
   Pose3 T_map_session;
   uint32_t keyframe = 0;
+  double scale_map_session = 1;  ///< SessionRecord::scale_map_session
 };
 struct SessionCorrected {
   Pose3 T_map_session;
+  double scale_map_session = 1;
 };
 struct TilesChanged {
   std::vector<TileKey> keys;

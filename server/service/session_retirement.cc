@@ -48,7 +48,7 @@ class FrameRetirement {
     done_.frames.push_back(frame.id);
     retired_.insert(frame.id);
     MAPP_RETURN_IF_ERROR(writer_.SetObservations(frame.id, {}));
-    const Pose3 T_session_camera = session_.T_map_session->Inverse() * frame.T_frame_camera;
+    const Pose3 T_session_camera = session_.S_map_session().Inverse() * frame.T_frame_camera;
     return writer_.SetFramePose(frame.id, /*in_map=*/false, T_session_camera);
   }
 

@@ -22,6 +22,24 @@ Status CheckOpen(const SessionRecord& session) {
   return absl::FailedPreconditionError(fmt::format("session {} is closed", session.id.value()));
 }
 
+void ScaleLengths(Keyframe& keyframe, double scale) {
+  if (scale == 1) return;
+  if (keyframe.pose_frame == PoseFrame::kSession) {
+    keyframe.T_frame_camera = Pose3(keyframe.T_frame_camera.rotation(), scale * keyframe.T_frame_camera.translation());
+  }
+  for (KeyframeFeature& feature : keyframe.features) {
+    if (feature.point) feature.point->depth_m *= static_cast<float>(scale);
+  }
+}
+
+Status CheckMeasuresDepth(const SessionRecord& session) {
+  if (MeasuresDepth(session.sensor)) return absl::OkStatus();
+  return absl::FailedPreconditionError(fmt::format(
+      "session {} is of a single camera, whose lengths are in a unit of its own: it uploads keyframes whole "
+      "and localises on its own map",
+      session.id.value()));
+}
+
 StatusOr<Pose3> PoseInMap(const SessionRecord& session, PoseFrame pose_frame, const Pose3& T_frame_camera,
                           const std::string& field) {
   if (!session.T_map_session) {

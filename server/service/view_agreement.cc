@@ -33,7 +33,7 @@ bool LooksThatFar(const QueryKeyframe& query, const ExpectedPoint& point, std::v
   around.clear();
   query.grid().Find(point.pixel.x(), point.pixel.y(), kNear_px, around);
   return std::ranges::any_of(around, [&](int feature_idx) {
-    return query.depth_m(feature_idx) > point.depth_m - PointTolerance(point.depth_m);
+    return query.depth_m(feature_idx) > point.depth_m - query.tolerance_m(point.depth_m);
   });
 }
 

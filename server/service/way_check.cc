@@ -19,13 +19,14 @@ constexpr size_t kMaxViews = 16;
 constexpr double kMaxDriftM = 0.3;
 constexpr double kMaxDriftRad = 3.0 * std::numbers::pi / 180.0;
 
-bool ShowsTheSame(const FrameRecord& a, const FrameRecord& b) {
-  return Distance(a.T_frame_camera, b.T_frame_camera) <= kStepM &&
+/// `scale`: metres a unit of their poses.
+bool ShowsTheSame(const FrameRecord& a, const FrameRecord& b, double scale) {
+  return scale * Distance(a.T_frame_camera, b.T_frame_camera) <= kStepM &&
          RotationAngle(a.T_frame_camera, b.T_frame_camera) <= kStepRad;
 }
 
 /// The fragment's keyframes from `at` on outwards, before and after it, some steps apart.
-std::vector<FrameRecord> WayAround(std::vector<FrameRecord> frames, const FrameRecord& at) {
+std::vector<FrameRecord> WayAround(std::vector<FrameRecord> frames, const FrameRecord& at, double scale) {
   const auto steps_away = [&](const FrameRecord& frame) {
     return std::max(frame.number, at.number) - std::min(frame.number, at.number);
   };
@@ -35,7 +36,7 @@ std::vector<FrameRecord> WayAround(std::vector<FrameRecord> frames, const FrameR
   for (FrameRecord& frame : frames) {
     if (way.size() == kMaxViews) break;
     const bool is_new =
-        std::ranges::none_of(way, [&](const FrameRecord& chosen) { return ShowsTheSame(chosen, frame); });
+        std::ranges::none_of(way, [&](const FrameRecord& chosen) { return ShowsTheSame(chosen, frame, scale); });
     if (is_new) way.push_back(std::move(frame));
   }
   return way;
@@ -53,15 +54,15 @@ ViewAgreement CompareOne(const QueryKeyframe& query, const std::vector<PointReco
 
 }  // namespace
 
-StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& at, const Pose3& T_map_session) {
+StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& at, const Sim3& S_map_session) {
   MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> frames, reader.ListFrames(at.map, at.session));
   ViewAgreement sum;
-  for (const FrameRecord& frame : WayAround(std::move(frames), at)) {
+  for (const FrameRecord& frame : WayAround(std::move(frames), at, S_map_session.scale)) {
     MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
-    const Pose3 T_map_camera = T_map_session * frame.T_frame_camera;
+    const Pose3 T_map_camera = S_map_session * frame.T_frame_camera;
     MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points,
                           PointsSeenNear(reader, at.map, at.session, T_map_camera));
-    const ViewAgreement agreement = CompareOne(QueryKeyframe(view), points, T_map_camera);
+    const ViewAgreement agreement = CompareOne(QueryKeyframe(view).AtScale(S_map_session.scale), points, T_map_camera);
     sum.num_agreeing += agreement.num_agreeing;
     sum.num_contradicting += agreement.num_contradicting;
   }

@@ -1,4 +1,6 @@
 #include "mapp/codec/keyframe_codec.h"
+#include "server/service/map_scale.h"
+#include "server/service/session_view.h"
 #include "tests/unit/server/service_fixture.h"
 
 #include <gmock/gmock.h>
@@ -38,10 +40,60 @@ TEST_F(UploadTest, LaterSessionsStayFragmentsUntilAligned) {
   EXPECT_EQ(Session(second).num_keyframes, 1);
 }
 
-TEST_F(UploadTest, MonoSessionFoundsNothing) {
-  EXPECT_FALSE(MustUpload(world_, kTowardsCabinet, Open(SensorKind::kMono), 0).T_map_session.has_value());
-  EXPECT_FALSE(Map().founder.has_value());
-  EXPECT_TRUE(MustUpload(world_, kTowardsCabinet, Open(), 0).T_map_session.has_value());
+TEST_F(UploadTest, ASessionWithoutScaleFoundsAMapOfUnknownScale) {
+  constexpr double kUnit_m = 5;  // what the device calls 1
+  const SessionId session = Open(SensorKind::kMono);
+  const Pose3 second = SyntheticWorld::Stand(0.3, -2, 0);
+  double scale = 0;
+  for (const auto& [number, T_world_camera] : {std::pair(0U, kTowardsCabinet), std::pair(1U, second)}) {
+    Keyframe keyframe = world_.View(T_world_camera, session, number, rng_);
+    keyframe.pose_frame = PoseFrame::kSession;
+    ScaleLengths(keyframe, 1 / kUnit_m);
+    const StatusOr<UploadResult> result = Upload(keyframe);
+    ASSERT_TRUE(result.ok()) << result.status();
+    ASSERT_TRUE(result->T_map_session.has_value());
+    scale = result->scale_map_session;
+  }
+  EXPECT_EQ(Map().founder, session);
+  EXPECT_FALSE(Map().has_metric_scale);
+  EXPECT_EQ(Map().num_frames, 2);
+  EXPECT_EQ(Session(session).scale_map_session, scale);
+
+  // All lengths are in the map's unit, of which the first view's median depth has kNominalDepthM.
+  std::vector<double> depths;
+  const auto reader = store_->Read();
+  ASSERT_TRUE(reader.ok()) << reader.status();
+  const auto frames = (*reader)->ListFrames(Map().id, session);
+  ASSERT_TRUE(frames.ok()) << frames.status();
+  EXPECT_NEAR(Distance(frames->at(0).T_frame_camera, frames->at(1).T_frame_camera), scale * 0.3 / kUnit_m, 1e-6);
+  const Pose3 T_camera_map = frames->front().T_frame_camera.Inverse();
+  const auto first_view = (*reader)->GetObservations(frames->front().id);
+  ASSERT_TRUE(first_view.ok()) << first_view.status();
+  for (const Observation& observation : *first_view) {
+    EXPECT_EQ(observation.depth_m, 0) << "what was triangulated was not measured";
+    const auto point = (*reader)->GetPoints(std::span(&observation.point, 1));
+    ASSERT_TRUE(point.ok()) << point.status();
+    depths.push_back((T_camera_map * point->front().position).z());
+  }
+  std::ranges::nth_element(depths, depths.begin() + static_cast<std::ptrdiff_t>(depths.size() / 2));
+  EXPECT_NEAR(depths[depths.size() / 2], kNominalDepthM, 0.01);
+
+  // A session in metres does not found what is founded.
+  EXPECT_FALSE(MustUpload(SyntheticWorld(99), kTowardsCabinet, Open(), 0).T_map_session.has_value());
+}
+
+TEST_F(UploadTest, ASessionWithoutScaleIsNotAskedAboutViews) {
+  const SessionId session = Open(SensorKind::kMono);
+  Keyframe keyframe = world_.View(kTowardsCabinet, session, 0, rng_);
+  keyframe.pose_frame = PoseFrame::kSession;
+  ASSERT_TRUE(Upload(keyframe).ok());
+  const StatusOr<AssessedOverlap> assessed = service_->AssessOverlap(context_, session, ViewQuery(), 100);
+  EXPECT_EQ(assessed.status().code(), absl::StatusCode::kFailedPrecondition);
+  EXPECT_THAT(std::string(assessed.status().message()), HasSubstr("single camera"));
+  SharedMapInput shared;
+  shared.session = session;
+  const auto never = [](const std::string&) -> Status { return absl::InternalError("sent"); };
+  EXPECT_EQ(service_->RequestSharedMap(context_, shared, never).status().code(), absl::StatusCode::kFailedPrecondition);
 }
 
 TEST_F(UploadTest, OfTwoSessionsThatRaceExactlyOneFounds) {

@@ -4,6 +4,7 @@
 
 #include <gtest/gtest.h>
 
+#include <cmath>
 #include <numbers>
 
 namespace mapp {
@@ -35,9 +36,10 @@ TEST(AlignmentConsensusTest, AcceptsThreeThatAgree) {
   EXPECT_EQ(consensus.Add(Saying(1, Shifted(-0.01))), 2);
   EXPECT_FALSE(consensus.Decide());
   EXPECT_EQ(consensus.Add(Saying(2, kTruth)), 3);
-  const auto T_map_session = consensus.Decide();
-  ASSERT_TRUE(T_map_session);
-  EXPECT_LT(Distance(*T_map_session, kTruth), 0.005);
+  const auto S_map_session = consensus.Decide();
+  ASSERT_TRUE(S_map_session);
+  EXPECT_EQ(S_map_session->scale, 1);
+  EXPECT_LT(Distance(S_map_session->pose, kTruth), 0.005);
 }
 
 TEST(AlignmentConsensusTest, TwoWithMuchSupportSuffice) {
@@ -70,9 +72,10 @@ TEST(AlignmentConsensusTest, RefusesWhenAsManyDisagree) {
   for (uint32_t number = 3; number < 6; ++number) consensus.Add(Saying(number, Shifted(4)));
   EXPECT_FALSE(consensus.Decide());
   consensus.Add(Saying(6, kTruth));
-  const auto T_map_session = consensus.Decide();
-  ASSERT_TRUE(T_map_session);
-  EXPECT_LT(Distance(*T_map_session, kTruth), 1e-6);
+  const auto S_map_session = consensus.Decide();
+  ASSERT_TRUE(S_map_session);
+  EXPECT_EQ(S_map_session->scale, 1);
+  EXPECT_LT(Distance(S_map_session->pose, kTruth), 1e-6);
 }
 
 TEST(AlignmentConsensusTest, WhatWasForgottenDoesNotOutvote) {
@@ -81,15 +84,50 @@ TEST(AlignmentConsensusTest, WhatWasForgottenDoesNotOutvote) {
   consensus.Forget();
   EXPECT_FALSE(consensus.Decide());
   for (uint32_t number = 9; number < 12; ++number) consensus.Add(Saying(number, kTruth));
-  const auto T_map_session = consensus.Decide();
-  ASSERT_TRUE(T_map_session);
-  EXPECT_LT(Distance(*T_map_session, kTruth), 1e-6);
+  const auto S_map_session = consensus.Decide();
+  ASSERT_TRUE(S_map_session);
+  EXPECT_EQ(S_map_session->scale, 1);
+  EXPECT_LT(Distance(S_map_session->pose, kTruth), 1e-6);
 }
 
 TEST(AlignmentConsensusTest, ScatteredWordsNeverAgree) {
   AlignmentConsensus consensus{RegistrarOptions()};
   for (uint32_t number = 0; number < 20; ++number) {
     EXPECT_EQ(consensus.Add(Saying(number, Shifted(0.5 * number), 150)), 1);
+    EXPECT_FALSE(consensus.Decide());
+  }
+}
+
+/// The same of a session whose unit is `scale` metres, as a keyframe of `told` would have it.
+KeyframeAlignment SayingInUnits(uint32_t number, double scale, double told) {
+  KeyframeAlignment alignment = Saying(number, kTruth);
+  const Pose3& metric = alignment.T_session_camera;
+  alignment.T_session_camera = Pose3(metric.rotation(), metric.translation() / scale);
+  alignment.match.scale = told;
+  return alignment;
+}
+
+TEST(AlignmentConsensusTest, KeyframesInUnitsOfTheirOwnAgreeOnASimilarity) {
+  AlignmentConsensus consensus{RegistrarOptions()};
+  EXPECT_EQ(consensus.Add(SayingInUnits(0, 2.5, 2.3)), 1);
+  EXPECT_EQ(consensus.Add(SayingInUnits(1, 2.5, 2.35)), 2);
+  EXPECT_EQ(consensus.Add(SayingInUnits(2, 2.5, 2.3)), 3);
+  EXPECT_FALSE(consensus.Decide()) << "depths alone do not tell the scale well enough";
+  for (const uint32_t number : {3U, 4U, 5U}) consensus.Add(SayingInUnits(number, 2.5, 2.3));
+  const auto S_map_session = consensus.Decide();
+  ASSERT_TRUE(S_map_session);
+  // Way between the keyframes tells the scale better than their depths do.
+  EXPECT_NEAR(S_map_session->scale, 2.5, 0.05);
+  for (const uint32_t number : {0U, 1U, 2U}) {
+    const Pose3 T_map_camera = *S_map_session * SayingInUnits(number, 2.5, 2.5).T_session_camera;
+    EXPECT_LT(Distance(T_map_camera, kTruth * SessionPose(number)), 0.03) << number;
+  }
+}
+
+TEST(AlignmentConsensusTest, KeyframesOfDifferentScalesDoNotAgree) {
+  AlignmentConsensus consensus{RegistrarOptions()};
+  for (uint32_t number = 0; number < 6; ++number) {
+    EXPECT_EQ(consensus.Add(SayingInUnits(number, 2.5, 2.5 * std::pow(1.5, number))), 1);
     EXPECT_FALSE(consensus.Decide());
   }
 }
@@ -101,7 +139,7 @@ TEST(FuseAlignmentsTest, WellConstrainedKeyframesWeighMore) {
   KeyframeAlignment vague = Saying(1, Shifted(0.1));
   vague.match.information = weak;
   const KeyframeAlignment* const both[] = {&vague, &precise};
-  EXPECT_LT(Distance(FuseAlignments(both), kTruth), 0.02);
+  EXPECT_LT(Distance(FuseAlignments(both).S_map_session.pose, kTruth), 0.02);
 }
 
 TEST(FuseAlignmentsTest, AveragesNoise) {
@@ -116,7 +154,7 @@ TEST(FuseAlignmentsTest, AveragesNoise) {
   }
   std::vector<const KeyframeAlignment*> pointers;
   for (const KeyframeAlignment& alignment : alignments) pointers.push_back(&alignment);
-  const Pose3 fused = FuseAlignments(pointers);
+  const Pose3 fused = FuseAlignments(pointers).S_map_session.pose;
   // Judged in the middle of the session, where its keyframes are: 0.02 m and 5 mrad over sqrt(40), three sigma.
   EXPECT_LT(Distance(fused * SessionPose(20), kTruth * SessionPose(20)), 0.02);
   EXPECT_LT(RotationAngle(fused, kTruth), 0.005);

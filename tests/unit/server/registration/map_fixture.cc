@@ -2,6 +2,7 @@
 
 #include "mapp/codec/keyframe_codec.h"
 #include "server/service/point_stats.h"
+#include "server/service/session_view.h"
 #include "storage/sqlite/sqlite_map_store.h"
 
 #include <gtest/gtest.h>
@@ -80,8 +81,10 @@ Status CountObservations(MapWriter& writer, const Sighting& from, const Keyframe
   return absl::OkStatus();
 }
 
-StatusOr<FrameId> StoreKeyframe(MapWriter& writer, SessionId session, const Keyframe& keyframe) {
+StatusOr<FrameId> StoreKeyframe(MapWriter& writer, SessionId session, const Keyframe& sent) {
   MAPP_ASSIGN_OR_RETURN(const SessionRecord record, writer.GetSession(session));
+  Keyframe keyframe = sent;
+  ScaleLengths(keyframe, record.scale_map_session);
   MAPP_ASSIGN_OR_RETURN(const CameraRecord camera, writer.GetCamera(record.camera));
   FrameRecord frame;
   frame.map = record.map;
@@ -94,7 +97,7 @@ StatusOr<FrameId> StoreKeyframe(MapWriter& writer, SessionId session, const Keyf
   frame.num_features = static_cast<uint32_t>(keyframe.features.size());
   MAPP_ASSIGN_OR_RETURN(const std::vector<Observation> observations,
                         ObservePoints(writer, frame, camera.camera, keyframe));
-  MAPP_ASSIGN_OR_RETURN(const FrameId id, writer.InsertFrame(frame, EncodeKeyframe(keyframe), observations));
+  MAPP_ASSIGN_OR_RETURN(const FrameId id, writer.InsertFrame(frame, EncodeKeyframe(sent), observations));
   const Sighting sighting{id, frame.T_frame_camera.translation(), camera.camera.MeanFocalPx()};
   MAPP_RETURN_IF_ERROR(CountObservations(writer, sighting, keyframe, observations));
   return id;
@@ -123,7 +126,7 @@ MapFixture::~MapFixture() {
   std::filesystem::remove_all(folder_);
 }
 
-SessionId MapFixture::OpenSession(const Camera& camera, bool founder, SensorKind sensor) {
+SessionId MapFixture::OpenSession(const Camera& camera, bool founder, SensorKind sensor, double scale) {
   SessionId id;
   const Status status = store_->Write({}, [&](MapWriter& writer) -> Status {
     SessionRecord session;
@@ -135,7 +138,9 @@ SessionId MapFixture::OpenSession(const Camera& camera, bool founder, SensorKind
     if (!founder) return absl::OkStatus();
     MAPP_RETURN_IF_ERROR(writer.SetFounder(map_, id));
     MAPP_ASSIGN_OR_RETURN(session, writer.GetSession(id));
+    MAPP_RETURN_IF_ERROR(writer.SetMetricScale(map_, MeasuresDepth(sensor)));
     session.T_map_session = Pose3();
+    session.scale_map_session = scale;
     session.aligned_at_keyframe = 0;
     return writer.UpdateSession(session);
   });

@@ -26,8 +26,9 @@ class MapFixture {
   SessionEvents& events() { return events_; }
   MapId map() const { return map_; }
 
-  /// A founder's frame is the map's; any other session begins as a fragment.
-  SessionId OpenSession(const Camera& camera, bool founder, SensorKind sensor = SensorKind::kRgbd);
+  /// A founder's frame is the map's, a unit of its own being `scale` of the map's; any other session begins as a
+  /// fragment.
+  SessionId OpenSession(const Camera& camera, bool founder, SensorKind sensor = SensorKind::kRgbd, double scale = 1);
   /// Stores the keyframe as an upload would: new points from their depth, known ones by the session's number for them.
   FrameId Store(SessionId session, const Keyframe& keyframe);
   void CloseSession(SessionId session);

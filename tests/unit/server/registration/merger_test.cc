@@ -1,10 +1,13 @@
 #include "server/service/merger.h"
 
 #include "server/service/duplicate_points.h"
+#include "server/service/session_view.h"
 #include "tests/unit/server/registration/map_fixture.h"
 #include "tests/unit/server/registration/synthetic_room.h"
 
 #include <gtest/gtest.h>
+
+#include <map>
 
 namespace mapp {
 namespace {
@@ -31,7 +34,8 @@ class MergerTest : public ::testing::Test {
   }
 
   Status Merge(const PointFusions& fusions) {
-    return MergeFragment(fixture_.store(), fixture_.tiles(), fixture_.events(), {}, session_, T_map_session_, fusions);
+    return MergeFragment(fixture_.store(), fixture_.tiles(), fixture_.events(), {}, session_,
+                         {.S_map_session = {1, T_map_session_}}, fusions);
   }
 
   MapFixture fixture_;
@@ -45,7 +49,7 @@ class MergerTest : public ::testing::Test {
 
 TEST_F(MergerTest, PairsPointsOfTheSameLandmark) {
   const auto reader = fixture_.Read();
-  const auto fusions = FindFusions(*reader, session_, T_map_session_);
+  const auto fusions = FindFusions(*reader, session_, {1, T_map_session_});
   ASSERT_TRUE(fusions.ok()) << fusions.status();
   ASSERT_GT(fusions->size(), 200U);
   size_t num_right = 0;
@@ -59,7 +63,7 @@ TEST_F(MergerTest, PairsPointsOfTheSameLandmark) {
 }
 
 TEST_F(MergerTest, TakesAlongKeyframesStoredAfterTheDecision) {
-  const auto fusions = FindFusions(*fixture_.Read(), session_, T_map_session_);
+  const auto fusions = FindFusions(*fixture_.Read(), session_, {1, T_map_session_});
   ASSERT_TRUE(fusions.ok()) << fusions.status();
   StoreKeyframe(session_, poses_, 3);
   const Status merged = Merge(*fusions);
@@ -86,6 +90,45 @@ TEST_F(MergerTest, TellsTheSessionAndTheMap) {
   EXPECT_FALSE(changed->keys.empty());
 }
 
+TEST_F(MergerTest, TakesASessionWithoutScaleAtItsScale) {
+  constexpr double kUnitM = 0.25;
+  const SessionId mono = fixture_.OpenSession(SyntheticRoom::DeviceCamera(), /*founder=*/false, SensorKind::kMono);
+  for (uint32_t i = 0; i < 2; ++i) {
+    Keyframe keyframe = room_.View(poses_[i], poses_.front(), mono, i, ViewNoise(), rng_);
+    ScaleLengths(keyframe, 1 / kUnitM);
+    fixture_.Store(mono, keyframe);
+  }
+  const Placement placement{.S_map_session = {kUnitM, T_map_session_}};
+  const Status merged = MergeFragment(fixture_.store(), fixture_.tiles(), fixture_.events(), {}, mono, placement, {});
+  ASSERT_TRUE(merged.ok()) << merged;
+  ASSERT_TRUE(Merge({}).ok());  // the same keyframes in metres
+  EXPECT_EQ(fixture_.Session(mono).scale_map_session, kUnitM);
+  for (const FrameRecord& frame : fixture_.Frames(mono)) {
+    EXPECT_LT(Distance(frame.T_frame_camera, T_map_session_ * poses_.front().Inverse() * poses_[frame.number]), 1e-9);
+  }
+  const auto points = fixture_.Read()->PointsOfSession(mono);
+  const auto metric_points = fixture_.Read()->PointsOfSession(session_);
+  ASSERT_TRUE(points.ok() && metric_points.ok());
+  std::map<uint64_t, PointRecord> metric;
+  for (const PointRecord& point : *metric_points) metric.emplace(point.session_point, point);
+  size_t num_compared = 0;
+  for (const PointRecord& point : *points) {
+    const auto same = metric.find(point.session_point);  // both number them by landmark
+    if (same == metric.end()) continue;
+    ++num_compared;
+    EXPECT_LT((point.position - same->second.position).norm(), 0.2);
+    EXPECT_NEAR(point.reference_distance_m / same->second.reference_distance_m, 1, 0.15);
+  }
+  EXPECT_GT(num_compared, 100U);
+}
+
+TEST_F(MergerTest, LeavesWhatWasPlacedInAnotherUnit) {
+  const Placement stale{.S_map_session = {1, T_map_session_}, .map_unit = 1.5};
+  const Status merged = MergeFragment(fixture_.store(), fixture_.tiles(), fixture_.events(), {}, session_, stale, {});
+  EXPECT_EQ(merged.code(), absl::StatusCode::kAborted);
+  EXPECT_FALSE(fixture_.Session(session_).T_map_session);
+}
+
 TEST_F(MergerTest, MergesOnce) {
   ASSERT_TRUE(Merge({}).ok());
   const Pose3 before = fixture_.Frames(session_)[1].T_frame_camera;
@@ -96,7 +139,7 @@ TEST_F(MergerTest, MergesOnce) {
 }
 
 TEST_F(MergerTest, LeavesOutTargetsRetiredMeanwhile) {
-  const auto fusions = FindFusions(*fixture_.Read(), session_, T_map_session_);
+  const auto fusions = FindFusions(*fixture_.Read(), session_, {1, T_map_session_});
   ASSERT_TRUE(fusions.ok());
   const auto [own, target] = *fusions->begin();
   const MapPointId retired = target;

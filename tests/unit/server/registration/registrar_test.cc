@@ -163,17 +163,6 @@ TEST_F(RegistrarTest, LeavesAloneASessionWhoseOdometryContradictsTheMap) {
   EXPECT_FALSE(fixture_.Session(session).T_map_session);
 }
 
-TEST_F(RegistrarTest, MonoSessionsStayFragments) {
-  FoundMap();
-  const SessionId session = OpenSession(/*founder=*/false, SensorKind::kMono);
-  EventLog log(fixture_, session);
-  Walk(room_, session, SyntheticRoom::Circle(0.8, 1.0, 0.15, 4));
-  const auto last = log.WaitFor<AlignmentTried>(3);
-  ASSERT_TRUE(last);
-  EXPECT_EQ(last->num_candidates, 0U);
-  EXPECT_FALSE(fixture_.Session(session).T_map_session);
-}
-
 TEST_F(RegistrarTest, TriesAgainstAnEmptyMap) {
   const SessionId session = OpenSession(/*founder=*/false);
   EventLog log(fixture_, session);
