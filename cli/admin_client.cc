@@ -31,6 +31,7 @@ StatusOr<MapSummary> ToSummary(const v1::MapInfo& info) {
   map.num_sessions = info.num_sessions();
   map.tile_edge_m = info.tile_edge_m();
   map.cone_range_m = info.cone_range_m();
+  map.scale_unknown = info.scale_unknown();
   map.num_tiles = info.num_tiles();
   if (info.has_feature_settings()) {
     MAPP_ASSIGN_OR_RETURN(map.features, FromProto(info.feature_settings(), "feature_settings"));
@@ -49,6 +50,7 @@ StatusOr<SessionSummary> ToSummary(const v1::SessionInfo& info) {
   session.closed_unix_ns = info.closed_unix_ns();
   if (info.has_pose_map_session()) {
     MAPP_ASSIGN_OR_RETURN(session.T_map_session, FromProto(info.pose_map_session(), "pose_map_session"));
+    MAPP_ASSIGN_OR_RETURN(session.scale_map_session, ScaleFromProto(info.scale_map_session(), "scale_map_session"));
     session.aligned_at_keyframe = info.aligned_at_keyframe();
   }
   session.num_keyframes = info.num_keyframes();

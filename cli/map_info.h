@@ -28,6 +28,7 @@ struct MapSummary {
   double cone_range_m = 0;
   /// Of all its sessions; absent where the server is too old to tell.
   std::optional<FeatureSettings> features;
+  bool scale_unknown = false;  ///< its lengths are in a unit of its own
   uint64_t num_tiles = 0;      ///< only from GetMap
   std::optional<Aabb> bounds;  ///< of the map's tiles, frame `map`; only from GetMap, absent for an empty map
 };
@@ -68,6 +69,7 @@ struct SessionSummary {
   int64_t opened_unix_ns = 0;
   int64_t closed_unix_ns = 0;          ///< 0 while it is open
   std::optional<Pose3> T_map_session;  ///< absent while the session is a fragment of its own
+  double scale_map_session = 1;        ///< metres a unit of the session's
   std::optional<uint32_t> aligned_at_keyframe;
   uint64_t num_keyframes = 0;
   uint64_t num_upload_bytes = 0;

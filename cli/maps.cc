@@ -24,6 +24,7 @@ void AppendFields(const MapSummary& map, JsonWriter& json) {
   } else {
     json.Null();
   }
+  json.Field("scale_unknown", map.scale_unknown);
 }
 
 void AppendPoint(const Eigen::Vector3d& p, const char* key, JsonWriter& json) {
@@ -48,10 +49,12 @@ std::string FormatText(const std::vector<MapSummary>& maps) {
                    {"frames", Align::kRight},
                    {"points", Align::kRight},
                    {"revision", Align::kRight},
+                   {"unit"},
                    {"created (UTC)"}});
   for (const MapSummary& map : maps) {
     table.AddRow({map.name, std::to_string(map.num_sessions), std::to_string(map.num_frames),
-                  std::to_string(map.num_points), std::to_string(map.revision), FormatUnixTime(map.created_unix_ns)});
+                  std::to_string(map.num_points), std::to_string(map.revision), map.scale_unknown ? "unknown" : "m",
+                  FormatUnixTime(map.created_unix_ns)});
   }
   return table.Format();
 }
@@ -78,6 +81,7 @@ std::string FormatText(const MapSummary& map) {
   table.AddRow({"id", std::to_string(map.id)});
   table.AddRow({"created (UTC)", FormatUnixTime(map.created_unix_ns)});
   table.AddRow({"revision", std::to_string(map.revision)});
+  table.AddRow({"unit of length", map.scale_unknown ? "unknown: no metre" : "m"});
   table.AddRow({"sessions", std::to_string(map.num_sessions)});
   table.AddRow({"frames", std::to_string(map.num_frames)});
   table.AddRow({"points", std::to_string(map.num_points)});

@@ -1,5 +1,6 @@
 #include "cli/replay.h"
 
+#include "cli/admin_client.h"
 #include "cli/frame_log.h"
 #include "cli/replay_figures.h"
 #include "cli/replay_player.h"
@@ -23,7 +24,7 @@ namespace {
 /// The device's poses, in the map's frame where a fragment is aligned.
 struct DeviceTrajectory {
   bool in_map = false;
-  bool metric = true;  ///< else lengths are in a unit of the fragment's own
+  bool metric = true;  ///< else lengths are in a unit of the map's, or of the fragment's own
   /// T_map_camera when `in_map`, with the map's corrections to the keyframes; else T_session_camera.
   std::vector<TrajectoryPose> poses;
 
@@ -34,11 +35,17 @@ struct DeviceTrajectory {
   }
 };
 
-DeviceTrajectory TrajectoryOf(const std::vector<DeviceFragment>& fragments, bool metric) {
-  if (auto in_map = TrajectoryInMap(fragments)) return {true, true, std::move(*in_map)};
+/// `metric`: the device's lengths are metres.
+StatusOr<DeviceTrajectory> TrajectoryOf(const ReplayOptions& options, const std::vector<DeviceFragment>& fragments,
+                                        bool metric) {
+  if (auto in_map = TrajectoryInMap(fragments)) {
+    if (metric) return DeviceTrajectory{true, true, std::move(*in_map)};
+    MAPP_ASSIGN_OR_RETURN(const MapSummary map, AdminClient(options.server).GetMap(options.map_name));
+    return DeviceTrajectory{true, !map.scale_unknown, std::move(*in_map)};
+  }
   // Each has a frame of its own: they cannot stand in one trajectory.
   const auto num_frames = [](const DeviceFragment& fragment) { return fragment.trajectory.size(); };
-  return {false, metric, std::ranges::max_element(fragments, {}, num_frames)->trajectory};
+  return DeviceTrajectory{false, metric, std::ranges::max_element(fragments, {}, num_frames)->trajectory};
 }
 
 /// Frames on which a tracker proved its map turn out to have been tracked only once it had.
@@ -50,15 +57,16 @@ void MarkTracked(const std::vector<DeviceFragment>& fragments, std::vector<Playe
   for (PlayedFrame& frame : frames) frame.tracked = tracked_ns.contains(frame.stamp_ns);
 }
 
-/// The alignment of truth and map as the map's first session gives it.
-StatusOr<std::optional<Sim3>> JointAlignment(const ReplayOptions& options, const ReplaySource& source) {
+/// The alignment of truth and map as the map's first session gives it, `with_scale` where the map tells no metres.
+StatusOr<std::optional<Sim3>> JointAlignment(const ReplayOptions& options, const ReplaySource& source,
+                                             bool with_scale) {
   if (!options.align_by) return std::optional<Sim3>();
   if (source.ground_truth().empty()) {
     return absl::InvalidArgumentError(fmt::format("--align-by: {} has no ground truth", source.name()));
   }
   MAPP_ASSIGN_OR_RETURN(const auto truth, ReadTumTrajectory(options.align_by->truth_file));
   MAPP_ASSIGN_OR_RETURN(const auto trajectory, ReadTumTrajectory(options.align_by->trajectory_file));
-  StatusOr<TrajectoryError> error = AbsoluteTrajectoryError(truth, trajectory, /*with_scale=*/false);
+  StatusOr<TrajectoryError> error = AbsoluteTrajectoryError(truth, trajectory, with_scale);
   if (!error.ok()) return Annotate(error.status(), "--align-by");
   return std::optional<Sim3>(error->T_truth_estimate);
 }
@@ -73,9 +81,14 @@ ReplayErrors ErrorsOf(const DeviceTrajectory& trajectory, const std::vector<Stam
                       const std::optional<Sim3>& joint) {
   const std::vector<StampedPose> poses = trajectory.Stamped();
   const auto error = AbsoluteTrajectoryError(truth, poses, /*with_scale=*/!trajectory.metric);
-  ReplayErrors errors{.ate_m = RmseIfPaired(error), .ate_scale = {}, .ate_joint_m = {}};
+  ReplayErrors errors;
+  errors.ate_m = RmseIfPaired(error);
   if (error.ok() && !trajectory.metric) errors.ate_scale = error->T_truth_estimate.scale;
-  if (joint && trajectory.in_map) errors.ate_joint_m = RmseIfPaired(TrajectoryErrorUnder(*joint, truth, poses));
+  if (joint && trajectory.in_map) {
+    const auto joint_error = TrajectoryErrorUnder(*joint, truth, poses);
+    errors.ate_joint_m = RmseIfPaired(joint_error);
+    if (joint_error.ok()) errors.max_joint_error_m = joint_error->max_m;
+  }
   return errors;
 }
 
@@ -179,7 +192,8 @@ Status RunReplay(const ReplayOptions& options, const std::stop_token& stop, std:
 
 Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const std::stop_token& stop,
                  std::ostream& out) {
-  MAPP_ASSIGN_OR_RETURN(const std::optional<Sim3> joint, JointAlignment(options, source));
+  // Before anything is played: files may be at fault.
+  MAPP_ASSIGN_OR_RETURN(std::optional<Sim3> joint, JointAlignment(options, source, /*with_scale=*/false));
   MAPP_ASSIGN_OR_RETURN(std::vector<JudgedTrajectory> judged_with, ReadOthers(options, source));
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<ReplayDevice> device, OpenDevice(options, source));
 
@@ -201,10 +215,13 @@ Status RunReplay(const ReplayOptions& options, const ReplaySource& source, const
   report.cpu.process_s = usage.cpu_s - cpu_before_s;
   report.peak_rss_bytes = usage.peak_rss_bytes;
   report.duration_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-  const DeviceTrajectory uncorrected = TrajectoryOf(fragments, device->metric());
+  MAPP_ASSIGN_OR_RETURN(const DeviceTrajectory uncorrected, TrajectoryOf(options, fragments, device->metric()));
   // A server that could not close the session is not asked once more.
   const Status fetched = closed.ok() ? device->FetchKeyframePoses(fragments) : absl::OkStatus();
-  const DeviceTrajectory trajectory = TrajectoryOf(fragments, device->metric());
+  MAPP_ASSIGN_OR_RETURN(const DeviceTrajectory trajectory, TrajectoryOf(options, fragments, device->metric()));
+  if (!trajectory.metric) {
+    MAPP_ASSIGN_OR_RETURN(joint, JointAlignment(options, source, /*with_scale=*/true));
+  }
   MarkTracked(fragments, played.frames);
   FillFrames(played.frames, report);
   FillFragments(fragments, report);

@@ -45,10 +45,12 @@ Figures, as in the JSON:
   frames_aligned          tracked frames that have a pose in the map in the end
   ate_m                   RMSE of positions after the best rigid alignment, metres,
                           of the aligned frames, else of the longest fragment
-  ate_scale               metres a unit of the session: a single camera does not tell
-                          scale, and its ate_m is after the best similarity
+  ate_scale               metres a unit of the session or map: a single camera does
+                          not tell scale; until a map of metres gives it one, errors
+                          are after the best similarity
   ate_joint_m             the same under the alignment of the map's first session,
                           as --align-by gives it: judges the merged map
+  max_joint_error_m       of the frame that is the furthest off there
   ate_together_m          of this session and those of --together-with, under one
                           alignment for all of them
   ate_uncorrected_m, ate_joint_uncorrected_m

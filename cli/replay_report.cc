@@ -148,6 +148,7 @@ std::string FormatJson(const ReplayReport& report) {
   json.Field("peak_rss_bytes", report.peak_rss_bytes);
   json.Field("ate_m", report.errors.ate_m).Field("ate_scale", report.errors.ate_scale);
   json.Field("ate_joint_m", report.errors.ate_joint_m);
+  json.Field("max_joint_error_m", report.errors.max_joint_error_m);
   json.Field("ate_together_m", report.ate_together_m);
   json.Field("ate_uncorrected_m", report.uncorrected_errors.ate_m);
   json.Field("ate_joint_uncorrected_m", report.uncorrected_errors.ate_joint_m);
@@ -192,6 +193,7 @@ std::string FormatText(const ReplayReport& report) {
   table.AddRow({"ate_m", Meters(report.errors.ate_m)});
   if (report.errors.ate_scale) table.AddRow({"ate_scale", fmt::format("{:.4g} m a unit", *report.errors.ate_scale)});
   table.AddRow({"ate_joint_m", Meters(report.errors.ate_joint_m)});
+  table.AddRow({"max_joint_error_m", Meters(report.errors.max_joint_error_m)});
   if (report.ate_together_m) table.AddRow({"ate_together_m", Meters(report.ate_together_m)});
   return table.Format();
 }

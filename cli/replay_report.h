@@ -56,9 +56,10 @@ struct ReplayErrors {
   /// Absolute trajectory error after the best rigid alignment, metres: of the frames with a pose in the map, or, when
   /// no fragment was aligned, of the longest one.
   std::optional<double> ate_m;
-  std::optional<double> ate_scale;  ///< metres a unit of the session, where only the best alignment tells
+  std::optional<double> ate_scale;  ///< metres a unit of the session or map, where only the best alignment tells
   /// The same under the alignment of the map's first session; absent without --align-by or when never aligned.
   std::optional<double> ate_joint_m;
+  std::optional<double> max_joint_error_m;  ///< of the frame that is the furthest off there
 };
 
 /// What `mapp replay` reports of one device's way. The names are those of the JSON keys. All figures are of all

@@ -46,6 +46,7 @@ void AppendSession(const SessionSummary& session, JsonWriter& json) {
   json.Field("sensor", SensorKindName(session.sensor)).Field("state", StateOf(session));
   json.Field("opened_unix_ns", session.opened_unix_ns).Field("closed_unix_ns", session.closed_unix_ns);
   AppendPose(session.T_map_session, "pose_map_session", json);
+  json.Field("scale_map_session", session.scale_map_session);
   json.Field("aligned_at_keyframe", session.aligned_at_keyframe).Field("num_keyframes", session.num_keyframes);
   json.Field("num_upload_bytes", session.num_upload_bytes);
   AppendQuarantine(session.quarantine, json);
@@ -91,6 +92,9 @@ std::string FormatText(const SessionSummary& session) {
   table.AddRow({"closed (UTC)", FormatUnixTime(session.closed_unix_ns)});
   table.AddRow({"aligned at", session.aligned_at_keyframe ? fmt::format("keyframe {}", *session.aligned_at_keyframe)
                                                           : std::string("not aligned")});
+  if (session.scale_map_session != 1) {
+    table.AddRow({"scale", fmt::format("{:.4g} m a unit", session.scale_map_session)});
+  }
   table.AddRow({"keyframes", std::to_string(session.num_keyframes)});
   table.AddRow({"uploaded", FormatBytes(static_cast<double>(session.num_upload_bytes))});
   if (session.quarantine) {

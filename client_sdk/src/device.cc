@@ -62,9 +62,9 @@ StatusOr<DevicePose> Device::Track(const TrackerFrame& frame) {
   impl_->HandOverKeyframes();
   if (pose.tracking.shared_map_number > 0) impl_->ReportSharedMapFrame(pose.tracking);
   if (pose.tracking.would_be_keyframe) impl_->CountKeyframeEquivalent();
-  const std::optional<Pose3> T_map_session = impl_->participant->T_map_session();
-  if (T_map_session && pose.tracking.state == TrackingState::kTracking) {
-    pose.T_map_camera = *T_map_session * pose.tracking.T_session_camera;
+  const std::optional<Sim3> S_map_session = impl_->participant->S_map_session();
+  if (S_map_session && pose.tracking.state == TrackingState::kTracking) {
+    pose.T_map_camera = *S_map_session * pose.tracking.T_session_camera;
   }
   return pose;
 }

@@ -116,7 +116,13 @@ SessionFigures FragmentSession::figures() const {
 }
 
 ParticipantFragment FragmentSession::Describe() const {
-  return {.session = session(), .state = state(), .T_map_session = T_map_session(), .stats = figures().Summary()};
+  ParticipantFragment fragment{
+      .session = session(), .state = state(), .T_map_session = {}, .stats = figures().Summary()};
+  if (const std::optional<Sim3> S_map_session = progress_.S_map_session()) {
+    fragment.T_map_session = S_map_session->pose;
+    fragment.scale_map_session = S_map_session->scale;
+  }
+  return fragment;
 }
 
 }  // namespace mapp

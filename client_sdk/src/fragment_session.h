@@ -66,6 +66,7 @@ class FragmentSession {
   ParticipantState state() const { return progress_.state(); }
   std::optional<SessionId> session() const { return progress_.session(); }
   std::optional<Pose3> T_map_session() const { return progress_.T_map_session(); }
+  std::optional<Sim3> S_map_session() const { return progress_.S_map_session(); }
   SessionFigures figures() const;
   ParticipantFragment Describe() const;
 

@@ -204,6 +204,7 @@ StatusOr<ClientUpload> MapClient::UploadKeyframe(const std::string& packet) {
       .frame = FrameId(response.frame_id()), .already_stored = response.already_stored(), .T_map_session = {}};
   if (response.has_pose_map_session()) {
     MAPP_ASSIGN_OR_RETURN(upload.T_map_session, mapp::FromProto(response.pose_map_session(), "pose_map_session"));
+    MAPP_ASSIGN_OR_RETURN(upload.scale_map_session, ScaleFromProto(response.scale_map_session(), "scale_map_session"));
   }
   return upload;
 }

@@ -13,12 +13,22 @@ struct Anchor {
   Pose3 T_map_session;
 };
 
+/// The trajectory with lengths in the map's unit, as if the device had told them so.
+std::vector<TrajectoryPose> InMapUnit(const DeviceFragment& fragment) {
+  std::vector<TrajectoryPose> trajectory = fragment.trajectory;
+  for (TrajectoryPose& pose : trajectory) {
+    pose.T_session_camera = Pose3(pose.T_session_camera.rotation(),
+                                  fragment.session.scale_map_session * pose.T_session_camera.translation());
+  }
+  return trajectory;
+}
+
 /// One for each keyframe that the map holds and each frame localised on a shared map, by time.
-std::vector<Anchor> AnchorsOf(const DeviceFragment& fragment) {
-  std::vector<ClientKeyframePose> keyframes = fragment.keyframe_poses;
+std::vector<Anchor> AnchorsOf(const std::vector<TrajectoryPose>& trajectory,
+                              std::vector<ClientKeyframePose> keyframes) {
   std::ranges::sort(keyframes, {}, &ClientKeyframePose::stamp_ns);
   std::vector<Anchor> anchors;
-  for (const TrajectoryPose& pose : fragment.trajectory) {
+  for (const TrajectoryPose& pose : trajectory) {
     if (pose.T_map_session) {
       anchors.push_back({pose.stamp_ns, *pose.T_map_session});
       continue;
@@ -53,9 +63,9 @@ Pose3 PoseByAnchors(const std::vector<Anchor>& anchors, const TrajectoryPose& po
 std::vector<TrajectoryPose> TrajectoryInMap(const DeviceFragment& fragment) {
   const std::optional<Pose3>& T_map_session = fragment.session.T_map_session;
   if (!T_map_session) return {};
+  std::vector<TrajectoryPose> in_map = InMapUnit(fragment);
   std::vector<Anchor> anchors;
-  if (!fragment.keyframe_poses.empty()) anchors = AnchorsOf(fragment);
-  std::vector<TrajectoryPose> in_map = fragment.trajectory;
+  if (!fragment.keyframe_poses.empty()) anchors = AnchorsOf(in_map, fragment.keyframe_poses);
   for (TrajectoryPose& pose : in_map) {
     if (pose.T_map_session) {
       pose.T_session_camera = *pose.T_map_session * pose.T_session_camera;

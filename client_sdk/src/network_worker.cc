@@ -87,13 +87,15 @@ void NetworkWorker::Handle(const KeyframeJob& job) {
 }
 
 Status NetworkWorker::Process(const KeyframeJob& job) {
-  const bool whole = options_.policy == UploadPolicy::kUploadAll || job.is_evidence ||
+  // What is asked about a view, and what would be shared, is in the map's unit of length: not a single camera's.
+  const bool has_scale = setup_.sensor != SensorKind::kMono;
+  const bool whole = options_.policy == UploadPolicy::kUploadAll || job.is_evidence || !has_scale ||
                      progress_.state() == ParticipantState::kRegistering;
   Keyframe keyframe = job.keyframe;
   if (job.localized_on_map) PlaceInMap(keyframe);
   if (!whole) return Expand(std::move(keyframe));
   MAPP_RETURN_IF_ERROR(Upload(keyframe));
-  if (options_.policy == UploadPolicy::kMap) last_registering_ = std::move(keyframe);
+  if (options_.policy == UploadPolicy::kMap && has_scale) last_registering_ = std::move(keyframe);
   return absl::OkStatus();
 }
 

@@ -131,6 +131,7 @@ void Participant::BeginFragment() {
 
 ParticipantState Participant::state() const { return impl_->present()->state(); }
 std::optional<Pose3> Participant::T_map_session() const { return impl_->present()->T_map_session(); }
+std::optional<Sim3> Participant::S_map_session() const { return impl_->present()->S_map_session(); }
 std::optional<SessionId> Participant::session() const { return impl_->present()->session(); }
 
 std::vector<ParticipantFragment> Participant::fragments() const {

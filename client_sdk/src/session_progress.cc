@@ -67,7 +67,7 @@ std::string SessionProgress::Missing() const {
   if (!queue_.empty() || busy_) return fmt::format("{} keyframes are not sent yet", queue_.size() + (busy_ ? 1 : 0));
   if (just_aligned_) return "the map around the aligned keyframe is not asked for yet";
   if (failure_in_hand_) return "a failure on the shared map is not resolved yet";
-  if (T_map_session_ || !last_unaligned_upload_) return "";
+  if (S_map_session_ || !last_unaligned_upload_) return "";
   if (last_compared_ && *last_compared_ >= *last_unaligned_upload_) return "";
   return fmt::format("the server has not compared keyframe {} with the map yet", *last_unaligned_upload_);
 }
@@ -180,17 +180,17 @@ void SessionProgress::OnUploaded(uint32_t number, const ClientUpload& upload) {
   MutexLock lock(mutex_);
   ++figures_.counts.num_uploaded;
   if (upload.T_map_session) {
-    Align(*upload.T_map_session, number);
+    Align({upload.scale_map_session, *upload.T_map_session}, number);
   } else if (!upload.already_stored) {
     // What was stored before a restart may have been compared before it, too: nobody would tell us again.
     last_unaligned_upload_ = number;
-    if (T_map_session_) just_aligned_ = !closing_;  // the event has overtaken the upload's answer
+    if (S_map_session_) just_aligned_ = !closing_;  // the event has overtaken the upload's answer
   }
   changed_.NotifyAll();
 }
 
-void SessionProgress::Align(const Pose3& T_map_session, uint32_t keyframe) {
-  T_map_session_ = T_map_session;
+void SessionProgress::Align(const Sim3& S_map_session, uint32_t keyframe) {
+  S_map_session_ = S_map_session;
   std::optional<uint32_t>& aligned_at = figures_.counts.aligned_at_keyframe;
   if (!aligned_at) aligned_at = keyframe;
   if (state_ != ParticipantState::kRegistering) return;
@@ -241,10 +241,10 @@ struct SessionProgress::EventVisitor {
   }
   void operator()(const AlignedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
     progress.figures_.counts.aligned_at_keyframe = event.keyframe;
-    progress.Align(event.T_map_session, event.keyframe);
+    progress.Align({event.scale_map_session, event.T_map_session}, event.keyframe);
   }
   void operator()(const CorrectedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
-    progress.T_map_session_ = event.T_map_session;
+    progress.S_map_session_ = Sim3{event.scale_map_session, event.T_map_session};
   }
   void operator()(const TilesChangedEvent& event) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(progress.mutex_) {
     for (const TileKey& key : event.keys) {
@@ -316,8 +316,14 @@ ParticipantState SessionProgress::state() const {
 }
 
 std::optional<Pose3> SessionProgress::T_map_session() const {
+  const std::optional<Sim3> S_map_session = this->S_map_session();
+  if (!S_map_session) return std::nullopt;
+  return S_map_session->pose;
+}
+
+std::optional<Sim3> SessionProgress::S_map_session() const {
   MutexLock lock(mutex_);
-  return T_map_session_;
+  return S_map_session_;
 }
 
 bool SessionProgress::closing() const {

@@ -94,12 +94,13 @@ class SessionProgress {
   bool closing() const;  ///< or closed
   std::optional<SessionId> session() const;
   std::optional<Pose3> T_map_session() const;
+  std::optional<Sim3> S_map_session() const;
   SessionFigures figures() const;
 
  private:
   struct EventVisitor;
 
-  void Align(const Pose3& T_map_session, uint32_t keyframe) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+  void Align(const Sim3& S_map_session, uint32_t keyframe) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void End(const Status& outcome) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   /// Empty when nothing is left to do.
   std::string Missing() const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -109,7 +110,7 @@ class SessionProgress {
   mutable Mutex mutex_;
   CondVar changed_;
   ParticipantState state_ ABSL_GUARDED_BY(mutex_) = ParticipantState::kRegistering;
-  std::optional<Pose3> T_map_session_ ABSL_GUARDED_BY(mutex_);
+  std::optional<Sim3> S_map_session_ ABSL_GUARDED_BY(mutex_);
   std::optional<SessionId> session_ ABSL_GUARDED_BY(mutex_);
   SessionFigures figures_ ABSL_GUARDED_BY(mutex_);
 

@@ -22,11 +22,16 @@ StatusOr<std::optional<ClientEvent>> ToClientEvent(const v1::WatchSessionRespons
     }
     case v1::WatchSessionResponse::kAligned: {
       MAPP_ASSIGN_OR_RETURN(const Pose3 T_map_session, AlignmentOf(response.aligned().pose_map_session()));
-      return AlignedEvent{.T_map_session = T_map_session, .keyframe = response.aligned().keyframe()};
+      MAPP_ASSIGN_OR_RETURN(const double scale,
+                            ScaleFromProto(response.aligned().scale_map_session(), "scale_map_session"));
+      return AlignedEvent{
+          .T_map_session = T_map_session, .keyframe = response.aligned().keyframe(), .scale_map_session = scale};
     }
     case v1::WatchSessionResponse::kCorrected: {
       MAPP_ASSIGN_OR_RETURN(const Pose3 T_map_session, AlignmentOf(response.corrected().pose_map_session()));
-      return CorrectedEvent{.T_map_session = T_map_session};
+      MAPP_ASSIGN_OR_RETURN(const double scale,
+                            ScaleFromProto(response.corrected().scale_map_session(), "scale_map_session"));
+      return CorrectedEvent{.T_map_session = T_map_session, .scale_map_session = scale};
     }
     case v1::WatchSessionResponse::kTilesChanged: {
       TilesChangedEvent event;

@@ -56,8 +56,8 @@ class ParticipantTest : public ::testing::Test {
     client_options_.retry_for = std::chrono::milliseconds(200);
   }
 
-  void Open() {
-    auto opened = Participant::Open(client_options_, options_, TestCamera(), SensorKind::kRgbd, &adapter_);
+  void Open(SensorKind sensor = SensorKind::kRgbd) {
+    auto opened = Participant::Open(client_options_, options_, TestCamera(), sensor, &adapter_);
     ASSERT_TRUE(opened.ok()) << opened.status();
     participant_ = *std::move(opened);
   }

@@ -1,3 +1,4 @@
+#include "api/convert/convert.h"
 #include "participant_fixture.h"
 
 #include <gmock/gmock.h>
@@ -137,6 +138,38 @@ TEST_F(ParticipantTest, UploadAllNeverAsksAndNeverShares) {
   // The envelope of the message is all that uploads carry beyond the packets.
   EXPECT_NEAR(static_cast<double>(stats.traffic.upload_bytes), static_cast<double>(stats.full.bytes), 3 * 8);
   EXPECT_EQ(stats.full.num_keyframes, 3U);
+}
+
+TEST_F(ParticipantTest, ASingleCameraSendsAllAndIsToldItsScale) {
+  Open(SensorKind::kMono);
+  server_.Change([](FakeMapService::Script& script) { script.samples_redundant = true; });
+  participant_->OnKeyframe(TestKeyframe(0, At(0)));
+  while (server_.uploads().empty()) std::this_thread::yield();
+  EXPECT_FALSE(participant_->S_map_session().has_value());
+  v1::WatchSessionResponse aligned = AlignedMessage(TestAlignment(), 0);
+  aligned.mutable_aligned()->set_scale_map_session(2.5);
+  server_.Send(aligned);
+  ASSERT_TRUE(participant_->WaitIdle(kPatience).ok());
+  HandIn(1);
+  // What it would ask, and be sent, is in the map's unit of length.
+  EXPECT_THAT(server_.queries(), SizeIs(0));
+  ASSERT_THAT(server_.uploads(), SizeIs(2));
+  EXPECT_FALSE(server_.uploads().back().partial);
+  EXPECT_EQ(server_.uploads().back().pose_frame, PoseFrame::kSession);
+
+  const std::optional<Sim3> S_map_session = participant_->S_map_session();
+  ASSERT_TRUE(S_map_session);
+  EXPECT_EQ(S_map_session->scale, 2.5);
+  EXPECT_EQ(participant_->fragments().front().scale_map_session, 2.5);
+  const Pose3 T_map_camera = *S_map_session * At(0.1);
+  EXPECT_LT(Distance(T_map_camera, TestAlignment() * At(0.25)), 1e-9);
+
+  v1::WatchSessionResponse corrected;
+  *corrected.mutable_corrected()->mutable_pose_map_session() = ToProto(At(1));
+  corrected.mutable_corrected()->set_scale_map_session(2.6);
+  server_.Send(corrected);
+  while (participant_->S_map_session()->scale != 2.6) std::this_thread::yield();
+  EXPECT_LT(Distance(*participant_->T_map_session(), At(1)), 1e-9);
 }
 
 TEST_F(ParticipantTest, CloseSendsWhatIsQueuedAndWaitsForTheOptimisation) {

@@ -61,6 +61,7 @@ struct ClientUpload {
   FrameId frame;
   bool already_stored = false;
   std::optional<Pose3> T_map_session;
+  double scale_map_session = 1;  ///< as AlignedEvent's
 };
 /// A tile that the device has, so that the server need not send it again.
 struct ClientHeldTile {
@@ -100,9 +101,13 @@ struct AlignmentTriedEvent {
 struct AlignedEvent {
   Pose3 T_map_session;
   uint32_t keyframe = 0;
+  /// The map's unit of length (metres, unless its scale is unknown) a unit of the session's: the session's positions
+  /// are multiplied by it before T_map_session applies. 1 unless the device has a single camera.
+  double scale_map_session = 1;
 };
 struct CorrectedEvent {
   Pose3 T_map_session;
+  double scale_map_session = 1;  ///< as AlignedEvent's
 };
 struct TilesChangedEvent {
   std::vector<TileKey> keys;

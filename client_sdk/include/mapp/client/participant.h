@@ -99,13 +99,22 @@ struct ParticipantFragment {
   std::optional<SessionId> session;  ///< absent until the server has opened it
   ParticipantState state = ParticipantState::kRegistering;
   std::optional<Pose3> T_map_session;  ///< absent until it is aligned; may come after the fragment's end
+  double scale_map_session = 1;        ///< AlignedEvent::scale_map_session
   ParticipantStats stats;
+
+  /// From the fragment's frame and unit to the map's; absent until it is aligned.
+  std::optional<Sim3> S_map_session() const {
+    if (!T_map_session) return std::nullopt;
+    return Sim3{scale_map_session, *T_map_session};
+  }
 };
 
-/// The life of a session (DESIGN 3) for any SLAM system: registering, expanding, sharing, failing (algorithm 1),
-/// closing. A system that has lost its place for good goes on in a new *fragment*, in a session of its own. Owns a
-/// network thread a fragment; nothing here waits for the network except Open, WaitIdle and Close. Thread-safe, but
-/// OnKeyframe, OnSharedMapFrame and BeginFragment belong to one thread.
+/// A device of a single camera (SensorKind::kMono) uploads all its keyframes whole and is not asked to localise on
+/// shared maps, which are in the map's unit of length. The life of a session (DESIGN 3) for any SLAM system:
+/// registering, expanding, sharing, failing (algorithm 1), closing. A system that has lost its place for good goes on
+/// in a new *fragment*, in a session of its own. Owns a network thread a fragment; nothing here waits for the network
+/// except Open, WaitIdle and Close. Thread-safe, but OnKeyframe, OnSharedMapFrame and BeginFragment belong to one
+/// thread.
 class Participant {
  public:
   /// Opens the session. `adapter` must outlive the participant and may be null with kUploadAll.
@@ -133,6 +142,8 @@ class Participant {
   ParticipantState state() const;
   /// Absent until the session is aligned.
   std::optional<Pose3> T_map_session() const;
+  /// The same with the session's scale (ParticipantFragment): a device that does not measure depth needs this one.
+  std::optional<Sim3> S_map_session() const;
   std::optional<SessionId> session() const;  ///< absent until the server has opened it
   /// All fragments, in order. The alignments of the latest 16 are followed after their end.
   std::vector<ParticipantFragment> fragments() const;
