@@ -24,6 +24,9 @@ class AlignmentConsensus {
   /// to tell it.
   std::optional<Sim3> Decide() const;
 
+  /// Keyframes that have said anything.
+  size_t size() const { return alignments_.size(); }
+
   /// Forgets what was said, once it has turned out wrong: it must not outvote those who come to a true place later.
   void Forget() { alignments_.clear(); }
 

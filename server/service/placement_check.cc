@@ -29,17 +29,6 @@ StatusOr<double> WayTo(MapReader& reader, const FrameRecord& at) {
   return way_m;
 }
 
-StatusOr<std::vector<FrameId>> CandidatesOfOthers(MapReader& reader, const FrameView& view, const PlaceIndex& index,
-                                                  size_t max_candidates) {
-  std::vector<FrameId> candidates;
-  for (const PlaceIndex::Candidate& candidate : index.Query(view.Descriptors(), kCandidatesAsked)) {
-    if (candidates.size() == max_candidates) break;
-    MAPP_ASSIGN_OR_RETURN(const FrameRecord frame, reader.GetFrame(FrameId(candidate.frame)));
-    if (frame.session != view.record.session && frame.in_map) candidates.push_back(frame.id);
-  }
-  return candidates;
-}
-
 StatusOr<KeyframeEvidence> JudgePlace(MapReader& reader, const FrameView& view, const ProjectionAlignment& found) {
   const double offset_m = Distance(found.T_map_camera, view.record.T_frame_camera);
   const double turn_rad = RotationAngle(found.T_map_camera, view.record.T_frame_camera);
@@ -54,11 +43,21 @@ StatusOr<KeyframeEvidence> JudgePlace(MapReader& reader, const FrameView& view, 
 
 }  // namespace
 
+StatusOr<std::vector<FrameId>> CandidatesOfOthers(MapReader& reader, const FrameView& view, const PlaceIndex& index,
+                                                  const RegistrarOptions& options) {
+  const auto max_candidates = static_cast<size_t>(std::max(1, options.max_candidates));
+  std::vector<FrameId> candidates;
+  for (const PlaceIndex::Candidate& candidate : index.Query(view.Descriptors(), kCandidatesAsked)) {
+    if (candidates.size() == max_candidates) break;
+    MAPP_ASSIGN_OR_RETURN(const FrameRecord frame, reader.GetFrame(FrameId(candidate.frame)));
+    if (frame.session != view.record.session && frame.in_map) candidates.push_back(frame.id);
+  }
+  return candidates;
+}
+
 StatusOr<KeyframeEvidence> CheckPlacement(MapReader& reader, const FrameView& view, const PlaceIndex& index,
                                           const RegistrarOptions& options) {
-  MAPP_ASSIGN_OR_RETURN(
-      const std::vector<FrameId> candidates,
-      CandidatesOfOthers(reader, view, index, static_cast<size_t>(std::max(1, options.max_candidates))));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameId> candidates, CandidatesOfOthers(reader, view, index, options));
   MAPP_ASSIGN_OR_RETURN(const VerificationResult recognised, VerifyCandidates(reader, view, candidates, options));
   if (recognised.alignment) return JudgePlace(reader, view, recognised.alignment->match);
 

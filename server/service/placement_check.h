@@ -7,6 +7,11 @@
 
 namespace mapp {
 
+/// Frames of the map that other sessions brought and that look like the keyframe, the likest first. Errors are the
+/// reader's.
+StatusOr<std::vector<FrameId>> CandidatesOfOthers(MapReader& reader, const FrameView& view, const PlaceIndex& index,
+                                                  const RegistrarOptions& options);
+
 /// Looks closely at a keyframe of the map, of whose view the map showed little where its session places it: is it
 /// there, elsewhere, or does it see something else? By the points of other sessions alone.
 ///

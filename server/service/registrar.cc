@@ -5,6 +5,7 @@
 #include "server/service/map_scale.h"
 #include "server/service/merger.h"
 #include "server/service/placement_check.h"
+#include "server/service/placement_refiner.h"
 #include "server/service/serial_worker.h"
 #include "server/service/session_events.h"
 #include "server/service/session_guard.h"
@@ -45,17 +46,11 @@ struct Task {
 constexpr double kSameViewM = 0.7;
 constexpr double kSameViewRad = 20.0 * std::numbers::pi / 180.0;
 
-/// What the keyframes of a fragment have said.
-struct FragmentWords {
-  double map_unit = 1;  ///< UnitOf(the map) at the time: another one makes them void
-  AlignmentConsensus consensus;
-};
-
 /// What is known of one map; all of it can be had again from the store.
 struct MapState {
   PlaceIndex index{PlaceIndex::Options{}};
   std::unordered_set<FrameId> indexed_frames;
-  std::unordered_map<SessionId, FragmentWords> fragments;
+  std::unordered_map<SessionId, PlacementWords> fragments;
   FragmentIndex unmerged;                             ///< keyframes of fragments
   std::unordered_map<SessionId, Pose3> last_checked;  ///< T_map_camera of the last doubtful keyframe looked at
 };
@@ -68,6 +63,7 @@ struct Registrar::Impl {
         tiles(tile_cache),
         events(session_events),
         options(opts),
+        refiner(store, tiles, events, options),
         worker(kMaxWaitingFrames, [this](const Task& task) { Run(task); }) {}
 
   void Run(const Task& task);
@@ -100,7 +96,9 @@ struct Registrar::Impl {
   SessionEvents& events;
   const RegistrarOptions options;
 
-  std::unordered_map<MapId, MapState> maps;  ///< of the worker's thread alone
+  // Of the worker's thread alone.
+  PlacementRefiner refiner;
+  std::unordered_map<MapId, MapState> maps;
 
   Mutex mutex;
   /// Maps some of whose frames never reached the queue.
@@ -224,6 +222,7 @@ Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const
   // The map has another unit of length by now: its keyframes have to be asked again.
   if (absl::IsAborted(merge_status)) return absl::OkStatus();
   MAPP_RETURN_IF_ERROR(merge_status);
+  refiner.Begin(frame.session, std::move(state.fragments.at(frame.session)));
   state.fragments.erase(frame.session);
   state.unmerged.Remove(frame.session);
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> merged, store.Read());
@@ -290,6 +289,7 @@ void Registrar::Impl::ForgetQuarantined(const Task& task) {
   if (state == maps.end()) return;
   state->second.fragments.erase(task.session);
   state->second.last_checked.erase(task.session);
+  refiner.Forget(task.session);
   state->second.unmerged.Remove(task.session);
   for (const FrameId frame : task.retired) {
     if (state->second.indexed_frames.erase(frame) > 0) state->second.index.Remove(frame.value());
@@ -312,6 +312,7 @@ Status Registrar::Impl::Process(const Task& task) {
   MAPP_ASSIGN_OR_RETURN(MapState* const state, StateOf(*reader, frame.map));
   if (!frame.in_map) return ProcessFragmentFrame(*reader, frame, *state);
   MAPP_RETURN_IF_ERROR(AddToIndex(*reader, frame.id, *state));
+  MAPP_RETURN_IF_ERROR(refiner.OnFrame(*reader, frame, state->index));
   if (task.kind == Task::Kind::kCheckedFrame && options.guard != nullptr) {
     MAPP_RETURN_IF_ERROR(CheckDoubtful(*reader, frame, *state));
   }
