@@ -114,6 +114,20 @@ TEST_F(ScaleTest, ASingleCameraJoinsAMapInMetres) {
   EXPECT_TRUE(Map().has_metric_scale);
 }
 
+TEST_F(ScaleTest, FurtherKeyframesCorrectPlaceAndScale) {
+  FoundMap(/*unit_m=*/0, 1);
+  const SessionId session = Open(/*founder=*/false, SensorKind::kMono);
+  EventLog log(fixture_, session);
+  const std::vector<Pose3> poses = SyntheticRoom::Circle(0.8, 1.0, 0.15, 40);
+  Walk(room_, session, poses, 4.0);
+  ASSERT_TRUE(log.WaitFor<SessionAligned>(0));
+  const auto corrected = log.WaitFor<SessionCorrected>(0);
+  ASSERT_TRUE(corrected);
+  EXPECT_NEAR(corrected->scale_map_session / 4.0, 1, 0.01);
+  registrar_->Shutdown();  // nothing is corrected any more
+  ExpectInPlace(session, poses, 1, 0.03);
+}
+
 TEST_F(ScaleTest, ASingleCameraNeverMergesAnotherPlace) {
   FoundMap(/*unit_m=*/0, 1);
   const SyntheticRoom others[] = {SyntheticRoom(2), SyntheticRoom(3, room_)};
