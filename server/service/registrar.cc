@@ -9,6 +9,7 @@
 #include "server/service/serial_worker.h"
 #include "server/service/session_events.h"
 #include "server/service/session_guard.h"
+#include "server/service/session_view.h"
 #include "server/service/step_times.h"
 #include "server/service/way_check.h"
 #include "vision/place_index.h"
@@ -222,12 +223,12 @@ Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const
   // The map has another unit of length by now: its keyframes have to be asked again.
   if (absl::IsAborted(merge_status)) return absl::OkStatus();
   MAPP_RETURN_IF_ERROR(merge_status);
-  refiner.Begin(frame.session, std::move(state.fragments.at(frame.session)));
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> merged, store.Read());
+  MAPP_ASSIGN_OR_RETURN(const SessionRecord session, merged->GetSession(frame.session));
+  if (!MeasuresDepth(session.sensor)) refiner.Begin(session.id, std::move(state.fragments.at(session.id)));
   state.fragments.erase(frame.session);
   state.unmerged.Remove(frame.session);
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> merged, store.Read());
   MAPP_RETURN_IF_ERROR(AddFrames(*merged, frame.map, frame.session, state));
-  MAPP_ASSIGN_OR_RETURN(const SessionRecord session, merged->GetSession(frame.session));
   if (session.closed_ns && options.on_closed_merged) options.on_closed_merged(session.id);
   if (state.unmerged.empty()) return absl::OkStatus();
   // Other fragments may have been where this one was.
