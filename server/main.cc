@@ -5,6 +5,7 @@
 #include "server/grpc_log.h"
 #include "server/rpc/prometheus_exporter.h"
 #include "server/rpc/rpc_server.h"
+#include "server/service/loop.h"
 #include "server/service/map_service.h"
 #include "storage/sqlite/migrator.h"
 #include "storage/sqlite/sqlite_map_store.h"
@@ -96,6 +97,13 @@ MapServiceOptions ServiceOptions(const ServerConfig& config, PrometheusExporter*
   options.cache_bytes = static_cast<size_t>(config.cache_mb) << 20;
   options.registrar.on_error = [](SessionId session, const Status& status) {
     log::Warning("registration_failed", {{"session", session.value()}, {"error", status.ToString()}});
+  };
+  options.registrar.on_loop_closed = [exporter](SessionId session, const ClosedLoop& closed) {
+    log::Info("loop_closed", {{"session", session.value()},
+                              {"frames", closed.num_frames},
+                              {"max_motion_m", closed.max_motion_m},
+                              {"points_fused", closed.num_fused}});
+    if (exporter != nullptr) exporter->OnLoopClosed();
   };
   options.optimizer.on_error = [](SessionId session, const Status& status) {
     log::Warning("optimization_failed", {{"session", session.value()}, {"error", status.ToString()}});

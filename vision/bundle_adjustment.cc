@@ -92,7 +92,7 @@ Status ValidateFrames(const BundleProblem& problem) {
     if (!frame.T_world_camera.IsFinite()) {
       return absl::InvalidArgumentError(fmt::format("frames[{}].T_world_camera: must be finite", i));
     }
-    if (!(frame.camera.fx > 0) || !(frame.camera.fy > 0)) {
+    if (!problem.observations.empty() && (!(frame.camera.fx > 0) || !(frame.camera.fy > 0))) {
       return absl::InvalidArgumentError(fmt::format("frames[{}].camera: focal lengths must be positive, got {} and {}",
                                                     i, frame.camera.fx, frame.camera.fy));
     }
@@ -300,7 +300,8 @@ class BundleSolver {
 
   void AddRelativePose(const BundleProblem::RelativePose& relative) {
     problem_.AddResidualBlock(new RelativePoseCost(relative.T_from_to, relative.sigma_m, relative.sigma_rad),
-                              &relative_loss_, poses_[static_cast<size_t>(relative.from_idx)].data(),
+                              relative.robust ? &relative_loss_ : nullptr,
+                              poses_[static_cast<size_t>(relative.from_idx)].data(),
                               poses_[static_cast<size_t>(relative.to_idx)].data());
   }
 

@@ -14,7 +14,7 @@ namespace mapp {
 /// Poses and points to adjust together; indices refer to the vectors here.
 struct BundleProblem {
   struct Frame {
-    PinholeCamera camera;  ///< undistorted
+    PinholeCamera camera;  ///< undistorted; not asked for in a graph of poses alone
     Pose3 T_world_camera;
     bool fixed = false;
     double bf_px_m = 40.0;  ///< weight of depths, as PoseOptions::bf_px_m
@@ -37,6 +37,7 @@ struct BundleProblem {
     Pose3 T_from_to;
     double sigma_m = 0.01;     ///< of each coordinate
     double sigma_rad = 0.005;  ///< of each axis
+    bool robust = true;        ///< false: taken at its word, however far it is off
   };
   std::vector<Frame> frames;
   std::vector<Point> points;

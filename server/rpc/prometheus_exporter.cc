@@ -36,6 +36,10 @@ struct PrometheusExporter::Impl {
                         .Name("mapp_sessions_quarantined_total")
                         .Help("Sessions quarantined since the start by what was found.")
                         .Register(*registry)),
+        loops_closed(prometheus::BuildCounter()
+                         .Name("mapp_loops_closed_total")
+                         .Help("Sessions corrected since the start for having come back to mapped ground.")
+                         .Register(*registry)),
         exposer(address) {
     exposer.RegisterCollectable(registry);
   }
@@ -45,6 +49,7 @@ struct PrometheusExporter::Impl {
   prometheus::Family<prometheus::Counter>& bytes;
   prometheus::Family<prometheus::Histogram>& seconds;
   prometheus::Family<prometheus::Counter>& quarantined;
+  prometheus::Family<prometheus::Counter>& loops_closed;
   prometheus::Exposer exposer;  // its web server reads the registry: ends first
 };
 
@@ -70,5 +75,7 @@ void PrometheusExporter::OnCall(const std::string& method, const std::string& co
 void PrometheusExporter::OnSessionQuarantined(const std::string& finding) {
   impl_->quarantined.Add({{"finding", finding}}).Increment();
 }
+
+void PrometheusExporter::OnLoopClosed() { impl_->loops_closed.Add({}).Increment(); }
 
 }  // namespace mapp

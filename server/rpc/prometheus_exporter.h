@@ -11,7 +11,7 @@ namespace mapp {
 /// Serves the calls' counts, latencies and sizes at http://ADDRESS/metrics in Prometheus' text format. Thread-safe.
 ///
 /// mapp_rpc_calls_total{method,code}, mapp_rpc_bytes_total{method}, mapp_rpc_seconds{method} (histogram),
-/// mapp_sessions_quarantined_total{finding}.
+/// mapp_sessions_quarantined_total{finding}, mapp_loops_closed_total.
 class PrometheusExporter final : public CallObserver {
  public:
   /// INVALID_ARGUMENT or UNAVAILABLE naming the address when it cannot be listened on.
@@ -22,6 +22,7 @@ class PrometheusExporter final : public CallObserver {
               uint64_t bytes) override;
   /// `finding`: "own-points", "elsewhere", ... (service/keyframe_evidence.h).
   void OnSessionQuarantined(const std::string& finding);
+  void OnLoopClosed();
 
  private:
   struct Impl;

@@ -80,6 +80,15 @@ std::vector<const KeyframeAlignment*> DistinctViews(std::span<const KeyframeAlig
 
 }  // namespace
 
+bool AgreesWith(const KeyframeAlignment& alignment, const Sim3& S_map_session, const RegistrarOptions& options) {
+  // Compared at the keyframe: at the session's origin, far away perhaps, a small turn would look like a large shift.
+  const Pose3 T_map_camera = S_map_session * alignment.T_session_camera;
+  const double ratio = S_map_session.scale / alignment.match.scale;
+  return ratio < kMaxScaleRatio && ratio > 1 / kMaxScaleRatio &&
+         Distance(T_map_camera, alignment.match.T_map_camera) <= options.max_disagreement_m &&
+         RotationAngle(T_map_camera, alignment.match.T_map_camera) <= options.max_disagreement_deg * kRadPerDeg;
+}
+
 int AlignmentConsensus::Add(KeyframeAlignment alignment) {
   const uint32_t number = alignment.number;
   alignments_.insert_or_assign(number, std::move(alignment));
@@ -87,23 +96,13 @@ int AlignmentConsensus::Add(KeyframeAlignment alignment) {
 }
 
 bool AlignmentConsensus::Agree(const KeyframeAlignment& a, const KeyframeAlignment& b) const {
-  // Compared at the keyframes: at the session's origin, far away perhaps, a small turn would look like a large shift.
-  const auto differ = [this](const Pose3& left, const Pose3& right) {
-    return Distance(left, right) > options_.max_disagreement_m ||
-           RotationAngle(left, right) > options_.max_disagreement_deg * kRadPerDeg;
-  };
   if (!HasScale(a) || !HasScale(b)) {
     // Between two keyframes' own scales a long way differs by much: judged by the one that explains both.
     const KeyframeAlignment* const both[] = {&a, &b};
     const Sim3 S_map_session = FuseAlignments(both).S_map_session;
-    return std::ranges::all_of(both, [&](const KeyframeAlignment* alignment) {
-      const double ratio = S_map_session.scale / alignment->match.scale;
-      return ratio < kMaxScaleRatio && ratio > 1 / kMaxScaleRatio &&
-             !differ(S_map_session * alignment->T_session_camera, alignment->match.T_map_camera);
-    });
+    return AgreesWith(a, S_map_session, options_) && AgreesWith(b, S_map_session, options_);
   }
-  return !differ(b.S_map_session() * a.T_session_camera, a.match.T_map_camera) &&
-         !differ(a.S_map_session() * b.T_session_camera, b.match.T_map_camera);
+  return AgreesWith(a, b.S_map_session(), options_) && AgreesWith(b, a.S_map_session(), options_);
 }
 
 std::vector<const KeyframeAlignment*> AlignmentConsensus::AgreeingWith(const KeyframeAlignment& alignment) const {

@@ -39,6 +39,9 @@ class AlignmentConsensus {
   std::map<uint32_t, KeyframeAlignment> alignments_;  ///< by keyframe number
 };
 
+/// Whether the keyframe's word is that of a session at `S_map_session`.
+bool AgreesWith(const KeyframeAlignment& alignment, const Sim3& S_map_session, const RegistrarOptions& options);
+
 struct FusedAlignment {
   Sim3 S_map_session;
   double scale_sigma = 0;  ///< of the scale's logarithm; 0 when the keyframes' depths have the map's unit

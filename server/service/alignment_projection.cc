@@ -142,7 +142,7 @@ ProjectionAlignment Summarize(const QueryKeyframe& query, std::span<const PointR
 }
 
 /// Frames of the map that look the camera's way from nearby, best first.
-StatusOr<std::vector<FrameId>> NeighbourFrames(MapReader& reader, MapId map, SessionId besides,
+StatusOr<std::vector<FrameId>> NeighbourFrames(MapReader& reader, MapId map, const OwnFrames& besides,
                                                const Pose3& T_map_camera) {
   const Eigen::Vector3d reach = Eigen::Vector3d::Constant(kNeighbourRangeM);
   const Aabb box(T_map_camera.translation() - reach, T_map_camera.translation() + reach);
@@ -150,7 +150,7 @@ StatusOr<std::vector<FrameId>> NeighbourFrames(MapReader& reader, MapId map, Ses
   const Eigen::Vector3d axis = T_map_camera.rotation() * Eigen::Vector3d::UnitZ();
   std::vector<std::pair<double, FrameId>> ranked;
   for (const FrameRecord& frame : frames) {
-    if (frame.session == besides) continue;
+    if (besides.Contains(frame)) continue;
     const double cosine = axis.dot(frame.T_frame_camera.rotation() * Eigen::Vector3d::UnitZ());
     if (cosine < kNeighbourCosine) continue;
     ranked.emplace_back(Distance(frame.T_frame_camera, T_map_camera) + kMetersPerOppositeView * (1 - cosine) / 2,
@@ -248,7 +248,7 @@ std::optional<double> ScaleFromDepths(const QueryKeyframe& query, std::span<cons
   return median;
 }
 
-StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, SessionId besides,
+StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, const OwnFrames& besides,
                                                   const Pose3& T_map_camera) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameId> frames, NeighbourFrames(reader, map, besides, T_map_camera));
   std::unordered_set<MapPointId> seen;

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "server/service/frame_view.h"
+#include "server/service/own_frames.h"
 #include "server/service/view_agreement.h"
 #include "vision/matching.h"
 
@@ -80,8 +81,8 @@ std::vector<ExpectedPoint> ExpectedPoints(const QueryKeyframe& query, std::span<
                                           const Pose3& T_map_camera);
 
 /// Live map points seen by frames of the map that look at about the same place as a camera at `T_map_camera`: the
-/// nearest such frames of other sessions than `besides` (SessionId(): of all), a bounded number of them.
-StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, SessionId besides,
+/// nearest such frames other than `besides`, a bounded number of them.
+StatusOr<std::vector<PointRecord>> PointsSeenNear(MapReader& reader, MapId map, const OwnFrames& besides,
                                                   const Pose3& T_map_camera);
 
 }  // namespace mapp

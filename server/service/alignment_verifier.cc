@@ -191,7 +191,8 @@ std::optional<ProjectionAlignment> Choose(std::vector<ProjectionAlignment> tried
 }  // namespace
 
 StatusOr<VerificationResult> VerifyCandidates(MapReader& reader, const FrameView& query,
-                                              std::span<const FrameId> candidates, const RegistrarOptions& options) {
+                                              std::span<const FrameId> candidates, const OwnFrames& own,
+                                              const RegistrarOptions& options) {
   const QueryKeyframe keyframe(query);
   MAPP_ASSIGN_OR_RETURN(const std::vector<Place> places, MatchPlaces(reader, keyframe, candidates));
   std::vector<ProjectionAlignment> tried;
@@ -200,7 +201,7 @@ StatusOr<VerificationResult> VerifyCandidates(MapReader& reader, const FrameView
     MAPP_ASSIGN_OR_RETURN(const std::optional<RoughAlignment> rough, EstimateFromMatches(reader, keyframe, place));
     if (!rough) continue;
     MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points,
-                          PointsSeenNear(reader, query.record.map, query.record.session, rough->T_map_camera));
+                          PointsSeenNear(reader, query.record.map, own, rough->T_map_camera));
     std::optional<ProjectionAlignment> alignment =
         AlignByProjection(keyframe.AtScale(rough->scale), points, rough->T_map_camera);
     if (!alignment) continue;

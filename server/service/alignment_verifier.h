@@ -28,12 +28,13 @@ struct VerificationResult {
 };
 
 /// Geometric verification (DESIGN 7): does the keyframe `query` see what one of the `candidates`, frames of the map
-/// that other sessions brought, saw? Candidates that stand together are tried as one place: descriptors matched against
+/// besides its `own`, saw? Candidates that stand together are tried as one place: descriptors matched against
 /// each, a rigid motion between the keyframe's own points and the map's by RANSAC (for depths without scale, the
 /// camera's pose by the map's points and their pixels, and then the depths' scale), then guided matching with all
 /// points around. A keyframe that two places explain about equally well proves nothing and gives no alignment. Errors
 /// are the reader's.
 StatusOr<VerificationResult> VerifyCandidates(MapReader& reader, const FrameView& query,
-                                              std::span<const FrameId> candidates, const RegistrarOptions& options);
+                                              std::span<const FrameId> candidates, const OwnFrames& own,
+                                              const RegistrarOptions& options);
 
 }  // namespace mapp

@@ -2,6 +2,8 @@
 
 #include "server/service/alignment_projection.h"
 #include "server/service/point_stats.h"
+#include "server/service/session_events.h"
+#include "server/service/tile_cache.h"
 
 #include <algorithm>
 #include <map>
@@ -11,6 +13,9 @@
 
 namespace mapp {
 namespace {
+
+/// From further away no camera has depth to tell of a point.
+constexpr double kMaxSightM = 50;
 
 class DuplicateSearch {
  public:
@@ -26,14 +31,17 @@ class DuplicateSearch {
       observers_[*point].insert(frame.id);
     }
     MAPP_ASSIGN_OR_RETURN(std::vector<PointRecord> others,
-                          PointsSeenNear(reader_, frame.map, SessionId(), frame.T_frame_camera));
+                          PointsSeenNear(reader_, frame.map, OwnFrames(), frame.T_frame_camera));
     std::erase_if(others, [&own](const PointRecord& point) { return !point.in_map || own.contains(point.id); });
     const std::optional<ProjectionAlignment> alignment =
         AlignByProjection(QueryKeyframe(view), others, frame.T_frame_camera);
     if (!alignment) return absl::OkStatus();
     for (const AlignmentMatch& match : alignment->inliers) {
       const std::optional<MapPointId>& point = view.points[static_cast<size_t>(match.feature_idx)];
-      if (point) ++votes_[std::minmax(*point, match.point)];
+      if (!point) continue;
+      ++votes_[std::minmax(*point, match.point)];
+      const auto other = std::ranges::find(others, match.point, &PointRecord::id);
+      observers_[match.point].insert(other->observers.begin(), other->observers.end());
     }
     return absl::OkStatus();
   }
@@ -77,13 +85,29 @@ class DuplicateSearch {
 
 }  // namespace
 
-StatusOr<PointFusions> FindDuplicatePoints(const CallContext& context, MapReader& reader, MapId map) {
-  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader.ListFrames(map, std::nullopt));
+StatusOr<PointFusions> FindDuplicatePoints(const CallContext& context, MapReader& reader,
+                                           std::span<const FrameRecord> frames) {
   DuplicateSearch search(context, reader);
-  for (const FrameRecord& frame : frames) {
-    if (frame.in_map) MAPP_RETURN_IF_ERROR(search.CompareFrame(frame));
-  }
+  for (const FrameRecord& frame : frames) MAPP_RETURN_IF_ERROR(search.CompareFrame(frame));
   return search.Decide();
+}
+
+StatusOr<uint32_t> FuseDuplicates(MapStore& store, TileCache& tiles, SessionEvents& events, const CallContext& context,
+                                  MapId map, std::span<const FrameRecord> frames) {
+  PointFusions fusions;
+  {
+    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
+    MAPP_ASSIGN_OR_RETURN(fusions, FindDuplicatePoints(context, *reader, frames));
+  }
+  if (fusions.empty()) return 0;
+  DuplicateFusion fusion(map, fusions);
+  MAPP_RETURN_IF_ERROR(store.Write(
+      context, [&fusion](MapWriter& writer) { return fusion.Run(writer); },
+      [&] {
+        tiles.Invalidate(map, fusion.touched_tiles());
+        events.PublishToMap(map, TilesChanged{.keys = fusion.touched_tiles(), .revision = fusion.revision()});
+      }));
+  return fusion.num_fused();
 }
 
 PointRecord* DuplicateFusion::TargetOf(MapPointId point) {
@@ -91,6 +115,22 @@ PointRecord* DuplicateFusion::TargetOf(MapPointId point) {
   if (fusion == fusions_.end() || !points_.contains(point)) return nullptr;
   const auto target = points_.find(fusion->second);
   return target == points_.end() ? nullptr : &target->second;
+}
+
+Aabb DuplicateFusion::WhereSeenFrom() const {
+  Aabb box;
+  for (const auto& [id, point] : points_) box.extend(point.position);
+  const Eigen::Vector3d reach = Eigen::Vector3d::Constant(kMaxSightM);
+  return Aabb(box.min() - reach, box.max() + reach);
+}
+
+StatusOr<Eigen::Vector3d> DuplicateFusion::CenterOf(MapWriter& writer, FrameId frame) {
+  auto known = centers_.find(frame);
+  if (known == centers_.end()) {
+    MAPP_ASSIGN_OR_RETURN(const FrameRecord record, writer.GetFrame(frame));
+    known = centers_.emplace(frame, record.T_frame_camera.translation()).first;
+  }
+  return known->second;
 }
 
 Status DuplicateFusion::LoadPoints(MapWriter& writer) {
@@ -124,7 +164,10 @@ Status DuplicateFusion::RewriteFrame(MapWriter& writer, const FrameRecord& frame
       if (!observed.insert(target->id).second) continue;
       observation.point = target->id;
       std::vector<Eigen::Vector3d> observer_centers;
-      for (const FrameId observer : target->observers) observer_centers.push_back(centers_.at(observer));
+      for (const FrameId observer : target->observers) {
+        MAPP_ASSIGN_OR_RETURN(const Eigen::Vector3d center, CenterOf(writer, observer));
+        observer_centers.push_back(center);
+      }
       AddObservation(*target,
                      {.frame = frame.id,
                       .camera_center = frame.T_frame_camera.translation(),
@@ -142,11 +185,8 @@ Status DuplicateFusion::Run(MapWriter& writer) {
   const TileGrid grid{.edge_m = map.tile_edge_m};
   MAPP_ASSIGN_OR_RETURN(revision_, writer.NextRevision(map_));
   MAPP_RETURN_IF_ERROR(LoadPoints(writer));
-  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, writer.ListFrames(map_, std::nullopt));
-  for (const FrameRecord& frame : frames) centers_.emplace(frame.id, frame.T_frame_camera.translation());
-  for (const FrameRecord& frame : frames) {
-    if (frame.in_map) MAPP_RETURN_IF_ERROR(RewriteFrame(writer, frame));
-  }
+  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, writer.FramesInBox(map_, WhereSeenFrom()));
+  for (const FrameRecord& frame : frames) MAPP_RETURN_IF_ERROR(RewriteFrame(writer, frame));
   std::set<MapPointId> targets;
   for (const auto& [point, fused_into] : fusions_) {
     const PointRecord* target = TargetOf(point);

@@ -6,6 +6,7 @@
 
 #include <cstdint>
 #include <set>
+#include <span>
 #include <unordered_map>
 #include <vector>
 
@@ -14,9 +15,15 @@ namespace mapp {
 /// Points of the map that are one in truth: what a keyframe saw before its session was aligned well enough, or came
 /// back to after it had drifted, it mapped anew. Each keyframe is compared with what others mapped where it looks, as
 /// FindFusions does with a fragment's; pairs with the most keyframes' votes come first, and points that one keyframe
-/// sees side by side are never joined. From the point that goes to the one that stays. Errors: the reader's, CANCELLED
-/// or DEADLINE_EXCEEDED of `context`.
-StatusOr<PointFusions> FindDuplicatePoints(const CallContext& context, MapReader& reader, MapId map);
+/// sees side by side are never joined. From the point that goes to the one that stays. `frames` are those to compare,
+/// in the map. Errors: the reader's, CANCELLED or DEADLINE_EXCEEDED of `context`.
+StatusOr<PointFusions> FindDuplicatePoints(const CallContext& context, MapReader& reader,
+                                           std::span<const FrameRecord> frames);
+
+/// Finds and fuses them; how many there were. Publishes TilesChanged to the map. Errors: FindDuplicatePoints' and the
+/// store's.
+StatusOr<uint32_t> FuseDuplicates(MapStore& store, TileCache& tiles, SessionEvents& events, const CallContext& context,
+                                  MapId map, std::span<const FrameRecord> frames);
 
 /// Fuses duplicates as a change to the store: observations go over to the point that stays.
 class DuplicateFusion {
@@ -34,6 +41,9 @@ class DuplicateFusion {
  private:
   Status LoadPoints(MapWriter& writer);
   Status RewriteFrame(MapWriter& writer, const FrameRecord& frame);
+  /// Where the camera of a frame may stand that sees one of the points.
+  Aabb WhereSeenFrom() const;
+  StatusOr<Eigen::Vector3d> CenterOf(MapWriter& writer, FrameId frame);
   /// The point that `point` becomes, or nullptr when it stays itself.
   PointRecord* TargetOf(MapPointId point);
 

@@ -23,7 +23,7 @@ Status VoteForFusions(MapReader& reader, const FrameRecord& frame, const Sim3& S
   MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
   const Pose3 T_map_camera = S_map_session * frame.T_frame_camera;
   MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points,
-                        PointsSeenNear(reader, frame.map, frame.session, T_map_camera));
+                        PointsSeenNear(reader, frame.map, {.session = frame.session}, T_map_camera));
   const std::optional<ProjectionAlignment> alignment =
       AlignByProjection(QueryKeyframe(view).AtScale(S_map_session.scale), points, T_map_camera);
   if (!alignment) return absl::OkStatus();

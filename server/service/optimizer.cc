@@ -20,6 +20,8 @@ constexpr size_t kMaxWaitingSessions = 1024;
 /// A frame that moved further than this was not refined but torn away: the result is dropped.
 constexpr double kMaxFrameMotionM = 0.5;
 constexpr double kMaxFrameTurnRad = 10.0 * std::numbers::pi / 180.0;
+/// An adjustment is begun so often when what it works on is moved meanwhile.
+constexpr int kMaxAttempts = 3;
 /// Fusing fewer of a map's points than this is not worth another round of adjusting them all.
 constexpr double kMinFusedShare = 0.005;
 
@@ -88,11 +90,15 @@ struct Optimizer::Impl {
   /// One round of it, within `limits`.
   Status OptimizeAll(const CallContext& context, MapId map, OptimizerOptions limits,
                      const MapOptimizationObserver& on_progress, OptimizationFinished& finished);
-  /// How many points turned out to be another one.
-  StatusOr<uint32_t> FuseDuplicates(const CallContext& context, MapId map);
-  /// Adjusts what is around these frames within `limits`; adds its figures to `finished`. ABORTED as Commit.
+  StatusOr<std::vector<FrameRecord>> FramesOf(MapId map) const;
+  /// Adjusts what is around these frames within `limits`; adds its figures to `finished`. Begins anew when a frame was
+  /// moved meanwhile: a loop was closed, say. ABORTED when that goes on.
   Status OptimizeAround(const CallContext& context, std::span<const FrameRecord> frames, const OptimizerOptions& limits,
                         const MapOptimizationObserver& on_progress, OptimizationFinished& finished);
+  /// One attempt at it. ABORTED as Commit.
+  Status TryOptimizeAround(const CallContext& context, std::span<const FrameRecord> frames,
+                           const OptimizerOptions& limits, const MapOptimizationObserver& on_progress,
+                           OptimizationFinished& finished);
   /// ABORTED when a frame of the region was moved or taken out of the map meanwhile.
   Status Commit(const CallContext& context, const OptimizerRegion& region, const BundleProblem& adjusted,
                 const std::vector<bool>& outliers);
@@ -129,6 +135,18 @@ Status Optimizer::Impl::Commit(const CallContext& context, const OptimizerRegion
 Status Optimizer::Impl::OptimizeAround(const CallContext& context, std::span<const FrameRecord> frames,
                                        const OptimizerOptions& limits, const MapOptimizationObserver& on_progress,
                                        OptimizationFinished& finished) {
+  for (int attempt = 1;; ++attempt) {
+    OptimizationFinished tried = finished;
+    const Status status = TryOptimizeAround(context, frames, limits, on_progress, tried);
+    if (absl::IsAborted(status) && attempt < kMaxAttempts) continue;
+    if (status.ok()) finished = tried;
+    return status;
+  }
+}
+
+Status Optimizer::Impl::TryOptimizeAround(const CallContext& context, std::span<const FrameRecord> frames,
+                                          const OptimizerOptions& limits, const MapOptimizationObserver& on_progress,
+                                          OptimizationFinished& finished) {
   OptimizerRegion region;
   {
     MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
@@ -208,34 +226,19 @@ StatusOr<OptimizationFinished> Optimizer::Impl::Optimize(const CallContext& cont
   return finished;
 }
 
-Status Optimizer::Impl::OptimizeAll(const CallContext& context, MapId map, OptimizerOptions limits,
-                                    const MapOptimizationObserver& on_progress, OptimizationFinished& finished) {
-  std::vector<FrameRecord> frames;
-  {
-    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
-    MAPP_RETURN_IF_ERROR(reader->GetMap(map).status());
-    MAPP_ASSIGN_OR_RETURN(frames, reader->ListFrames(map, std::nullopt));
-  }
+StatusOr<std::vector<FrameRecord>> Optimizer::Impl::FramesOf(MapId map) const {
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
+  MAPP_RETURN_IF_ERROR(reader->GetMap(map).status());
+  MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> frames, reader->ListFrames(map, std::nullopt));
   std::erase_if(frames, [](const FrameRecord& frame) { return !frame.in_map; });
-  limits.max_free_frames = static_cast<int>(frames.size());
-  return OptimizeAround(context, frames, limits, on_progress, finished);
+  return frames;
 }
 
-StatusOr<uint32_t> Optimizer::Impl::FuseDuplicates(const CallContext& context, MapId map) {
-  PointFusions fusions;
-  {
-    MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
-    MAPP_ASSIGN_OR_RETURN(fusions, FindDuplicatePoints(context, *reader, map));
-  }
-  if (fusions.empty()) return 0;
-  DuplicateFusion fusion(map, fusions);
-  MAPP_RETURN_IF_ERROR(store.Write(
-      context, [&fusion](MapWriter& writer) { return fusion.Run(writer); },
-      [&] {
-        tiles.Invalidate(map, fusion.touched_tiles());
-        events.PublishToMap(map, TilesChanged{.keys = fusion.touched_tiles(), .revision = fusion.revision()});
-      }));
-  return fusion.num_fused();
+Status Optimizer::Impl::OptimizeAll(const CallContext& context, MapId map, OptimizerOptions limits,
+                                    const MapOptimizationObserver& on_progress, OptimizationFinished& finished) {
+  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, FramesOf(map));
+  limits.max_free_frames = static_cast<int>(frames.size());
+  return OptimizeAround(context, frames, limits, on_progress, finished);
 }
 
 StatusOr<MapOptimizationFinished> Optimizer::Impl::OptimizeMap(const CallContext& context, MapId map,
@@ -247,7 +250,8 @@ StatusOr<MapOptimizationFinished> Optimizer::Impl::OptimizeMap(const CallContext
   MapOptimizationFinished all;
   for (int round = 0; round < options.max_map_rounds; ++round) {
     if (round > 0) {
-      MAPP_ASSIGN_OR_RETURN(const uint32_t num_fused, FuseDuplicates(context, map));
+      MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, FramesOf(map));
+      MAPP_ASSIGN_OR_RETURN(const uint32_t num_fused, FuseDuplicates(store, tiles, events, context, map, frames));
       all.num_fused += num_fused;
       if (num_fused < kMinFusedShare * all.adjustment.num_points) break;
     }

@@ -71,7 +71,7 @@ class Optimizer {
   /// that finds more; on the caller's thread; waits for an optimisation that is under way. Tells `on_progress` (may be
   /// empty) in each round once what there is to adjust is known, and after every iteration. A round that would make the
   /// map worse is not applied. NOT_FOUND: no such map. CANCELLED or DEADLINE_EXCEEDED of `context`, or on Shutdown: the
-  /// map is as the round before left it. ABORTED: a frame was moved or taken out of the map meanwhile; ask again.
+  /// map is as the round before left it. ABORTED: frames go on being moved or taken out meanwhile; ask again.
   StatusOr<MapOptimizationFinished> OptimizeMap(const CallContext& context, MapId map,
                                                 const MapOptimizationObserver& on_progress);
   /// Cancels the work in hand and ends the thread. Idempotent.

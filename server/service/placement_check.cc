@@ -33,7 +33,7 @@ StatusOr<KeyframeEvidence> JudgePlace(MapReader& reader, const FrameView& view, 
   const double offset_m = Distance(found.T_map_camera, view.record.T_frame_camera);
   const double turn_rad = RotationAngle(found.T_map_camera, view.record.T_frame_camera);
   MAPP_ASSIGN_OR_RETURN(const double way_m, WayTo(reader, view.record));
-  if (offset_m <= kMaxOffsetM + kMaxDriftRatio * way_m && turn_rad <= kMaxTurnRad) {
+  if (IsWithinDrift(view.record.T_frame_camera, found.T_map_camera, way_m)) {
     return KeyframeEvidence{Finding::kAgrees, {}};
   }
   return KeyframeEvidence{Finding::kElsewhere,
@@ -42,6 +42,10 @@ StatusOr<KeyframeEvidence> JudgePlace(MapReader& reader, const FrameView& view, 
 }
 
 }  // namespace
+
+bool IsWithinDrift(const Pose3& told, const Pose3& found, double way_m) {
+  return Distance(told, found) <= kMaxOffsetM + kMaxDriftRatio * way_m && RotationAngle(told, found) <= kMaxTurnRad;
+}
 
 StatusOr<std::vector<FrameId>> CandidatesOfOthers(MapReader& reader, const FrameView& view, const PlaceIndex& index,
                                                   const RegistrarOptions& options) {
@@ -58,12 +62,14 @@ StatusOr<std::vector<FrameId>> CandidatesOfOthers(MapReader& reader, const Frame
 StatusOr<KeyframeEvidence> CheckPlacement(MapReader& reader, const FrameView& view, const PlaceIndex& index,
                                           const RegistrarOptions& options) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameId> candidates, CandidatesOfOthers(reader, view, index, options));
-  MAPP_ASSIGN_OR_RETURN(const VerificationResult recognised, VerifyCandidates(reader, view, candidates, options));
+  const OwnFrames others_than{.session = view.record.session};
+  MAPP_ASSIGN_OR_RETURN(const VerificationResult recognised,
+                        VerifyCandidates(reader, view, candidates, others_than, options));
   if (recognised.alignment) return JudgePlace(reader, view, recognised.alignment->match);
 
   const Pose3& T_map_camera = view.record.T_frame_camera;
   MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points,
-                        PointsSeenNear(reader, view.record.map, view.record.session, T_map_camera));
+                        PointsSeenNear(reader, view.record.map, others_than, T_map_camera));
   const QueryKeyframe query(view);
   const std::optional<ProjectionAlignment> refined = AlignByProjection(query, points, T_map_camera);
   const ViewAgreement agreement = refined && Distance(refined->T_map_camera, T_map_camera) <= kMaxOffsetM

@@ -12,6 +12,10 @@ namespace mapp {
 StatusOr<std::vector<FrameId>> CandidatesOfOthers(MapReader& reader, const FrameView& view, const PlaceIndex& index,
                                                   const RegistrarOptions& options);
 
+/// Whether a pose is off another by no more than odometry may have drifted over `way_m`: 0.5 m and 3 % of the way, 10
+/// degrees.
+bool IsWithinDrift(const Pose3& told, const Pose3& found, double way_m);
+
 /// Looks closely at a keyframe of the map, of whose view the map showed little where its session places it: is it
 /// there, elsewhere, or does it see something else? By the points of other sessions alone.
 ///

@@ -62,7 +62,8 @@ Status PlacementRefiner::Ask(MapReader& reader, const FrameRecord& frame, const 
   MAPP_ASSIGN_OR_RETURN(FrameView view, LoadFrame(reader, frame.id));
   view.depths = DepthKind::kUnscaled;  // it is the scale that is asked for
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameId> candidates, CandidatesOfOthers(reader, view, index, options_));
-  MAPP_ASSIGN_OR_RETURN(VerificationResult result, VerifyCandidates(reader, view, candidates, options_));
+  MAPP_ASSIGN_OR_RETURN(VerificationResult result,
+                        VerifyCandidates(reader, view, candidates, {.session = session.id}, options_));
   if (!result.alignment) return absl::OkStatus();
   // Told in the session's own frame and unit, as before it merged.
   ScaleLengths(view.keyframe, 1 / session.scale_map_session);

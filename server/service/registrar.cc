@@ -2,6 +2,7 @@
 
 #include "server/service/alignment_consensus.h"
 #include "server/service/fragment_index.h"
+#include "server/service/loop_closer.h"
 #include "server/service/map_scale.h"
 #include "server/service/merger.h"
 #include "server/service/placement_check.h"
@@ -27,10 +28,10 @@ namespace {
 constexpr size_t kMaxWaitingFrames = 4096;
 /// Earlier keyframes of a fragment looked at again when the registrar meets it for the first time after a start.
 constexpr size_t kKeyframesRevisited = 6;
+/// Of a merged fragment, each third frame is looked at as one that joins the map: neighbours look alike.
+constexpr size_t kJoinedStep = 3;
 /// Fragments tried again for one frame that joins the map ...
 constexpr size_t kMaxRecalled = 2;
-/// ... of a merged fragment only each third: neighbours look alike ...
-constexpr size_t kRecallStep = 3;
 /// ... and where a keyframe of the fragment finds its place, so many before and after it are asked too.
 constexpr size_t kNeighborsAsked = 2;
 
@@ -65,6 +66,7 @@ struct Registrar::Impl {
         events(session_events),
         options(opts),
         refiner(store, tiles, events, options),
+        loop_closer(store, tiles, events, options),
         worker(kMaxWaitingFrames, [this](const Task& task) { Run(task); }) {}
 
   void Run(const Task& task);
@@ -99,6 +101,7 @@ struct Registrar::Impl {
 
   // Of the worker's thread alone.
   PlacementRefiner refiner;
+  LoopCloser loop_closer;
   std::unordered_map<MapId, MapState> maps;
 
   Mutex mutex;
@@ -159,7 +162,8 @@ StatusOr<AlignmentTried> Registrar::Impl::TryKeyframe(MapReader& reader, const F
   }
   AlignmentTried tried{.keyframe = view.record.number, .num_candidates = static_cast<uint32_t>(candidates.size())};
   if (candidates.empty()) return tried;
-  MAPP_ASSIGN_OR_RETURN(VerificationResult result, VerifyCandidates(reader, view, candidates, options));
+  MAPP_ASSIGN_OR_RETURN(VerificationResult result,
+                        VerifyCandidates(reader, view, candidates, {.session = view.record.session}, options));
   tried.num_inliers = static_cast<uint32_t>(result.best_inliers);
   if (result.alignment) tried.num_consistent = static_cast<uint32_t>(consensus.Add(std::move(*result.alignment)));
   return tried;
@@ -210,7 +214,8 @@ Status Registrar::Impl::MergeIfDecided(MapReader& reader, const FrameRecord& fra
                                        MapState& state) {
   const std::optional<Sim3> S_map_session = consensus.Decide();
   if (!S_map_session) return absl::OkStatus();
-  MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, frame, *S_map_session));
+  MAPP_ASSIGN_OR_RETURN(const ViewAgreement way,
+                        CompareWayWithMap(reader, frame, *S_map_session, {.session = frame.session}));
   if (Tolerates(options, way)) return Merge(reader, frame, *S_map_session, state);
   consensus.Forget();
   return absl::OkStatus();
@@ -229,11 +234,10 @@ Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const
   state.fragments.erase(frame.session);
   state.unmerged.Remove(frame.session);
   MAPP_RETURN_IF_ERROR(AddFrames(*merged, frame.map, frame.session, state));
-  if (session.closed_ns && options.on_closed_merged) options.on_closed_merged(session.id);
-  if (state.unmerged.empty()) return absl::OkStatus();
-  // Other fragments may have been where this one was.
+  if (session.closed_ns && options.on_closed_moved) options.on_closed_moved(session.id);
+  // Other fragments may have been where this one was, and its own way may lead back to where the map was before.
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, merged->ListFrames(frame.map, frame.session));
-  for (size_t i = 0; i < frames.size(); i += kRecallStep) {
+  for (size_t i = 0; i < frames.size(); i += kJoinedStep) {
     worker.Push({.map = frame.map, .session = frame.session, .frame = frames[i].id, .retired = {}});
   }
   return absl::OkStatus();
@@ -249,7 +253,8 @@ Status Registrar::Impl::RecallFragments(MapReader& reader, const FrameRecord& fr
     if (own.record.in_map) continue;
     // Something always looks most alike: only what also fits this one frame is worth the whole comparison.
     const FrameId joined[] = {frame.id};
-    MAPP_ASSIGN_OR_RETURN(const VerificationResult fit, VerifyCandidates(*now, own, joined, options));
+    MAPP_ASSIGN_OR_RETURN(const VerificationResult fit,
+                          VerifyCandidates(*now, own, joined, {.session = own.record.session}, options));
     if (fit.best_inliers < options.min_inliers) continue;
     MAPP_RETURN_IF_ERROR(TryAgain(*now, own, state));
   }
@@ -291,6 +296,7 @@ void Registrar::Impl::ForgetQuarantined(const Task& task) {
   state->second.fragments.erase(task.session);
   state->second.last_checked.erase(task.session);
   refiner.Forget(task.session);
+  loop_closer.Forget(task.session);
   state->second.unmerged.Remove(task.session);
   for (const FrameId frame : task.retired) {
     if (state->second.indexed_frames.erase(frame) > 0) state->second.index.Remove(frame.value());
@@ -314,6 +320,7 @@ Status Registrar::Impl::Process(const Task& task) {
   if (!frame.in_map) return ProcessFragmentFrame(*reader, frame, *state);
   MAPP_RETURN_IF_ERROR(AddToIndex(*reader, frame.id, *state));
   MAPP_RETURN_IF_ERROR(refiner.OnFrame(*reader, frame, state->index));
+  MAPP_RETURN_IF_ERROR(loop_closer.OnFrame(*reader, frame, state->index));
   if (task.kind == Task::Kind::kCheckedFrame && options.guard != nullptr) {
     MAPP_RETURN_IF_ERROR(CheckDoubtful(*reader, frame, *state));
   }

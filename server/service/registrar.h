@@ -12,6 +12,7 @@
 namespace mapp {
 
 class MapStore;
+struct ClosedLoop;
 class SessionEvents;
 class SessionGuard;
 class StepTimes;
@@ -34,8 +35,11 @@ struct RegistrarOptions {
   /// A second place that explains the keyframe with this share of the best place's inliers makes it ambiguous: it then
   /// proves nothing (equal rooms, equal cars).
   double max_rival_share = 0.6;
-  /// Told of a closed session that has merged after all: its optimization is owed now. May be empty; must not block.
-  std::function<void(SessionId)> on_closed_merged;
+  /// Told of a closed session that has merged after all, or been corrected for a loop: its optimization is owed now.
+  /// May be empty; must not block.
+  std::function<void(SessionId)> on_closed_moved;
+  /// Told of a session that came back to mapped ground and was corrected. May be empty; must not block.
+  std::function<void(SessionId, const ClosedLoop&)> on_loop_closed;
   /// Told of what went wrong with a session in the background: a broken packet, a disk that fails. May be empty; must
   /// not block. A session or map deleted in the meantime is not an error.
   std::function<void(SessionId, const Status&)> on_error;

@@ -54,14 +54,15 @@ ViewAgreement CompareOne(const QueryKeyframe& query, const std::vector<PointReco
 
 }  // namespace
 
-StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& at, const Sim3& S_map_session) {
+StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& at, const Sim3& S_map_session,
+                                          const OwnFrames& way) {
   MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> frames, reader.ListFrames(at.map, at.session));
+  std::erase_if(frames, [&way](const FrameRecord& frame) { return !way.Contains(frame); });
   ViewAgreement sum;
   for (const FrameRecord& frame : WayAround(std::move(frames), at, S_map_session.scale)) {
     MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
     const Pose3 T_map_camera = S_map_session * frame.T_frame_camera;
-    MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points,
-                          PointsSeenNear(reader, at.map, at.session, T_map_camera));
+    MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> points, PointsSeenNear(reader, at.map, way, T_map_camera));
     const ViewAgreement agreement = CompareOne(QueryKeyframe(view).AtScale(S_map_session.scale), points, T_map_camera);
     sum.num_agreeing += agreement.num_agreeing;
     sum.num_contradicting += agreement.num_contradicting;

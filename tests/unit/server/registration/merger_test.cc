@@ -33,6 +33,12 @@ class MergerTest : public ::testing::Test {
     fixture_.Store(session, room_.View(poses[number], poses.front(), session, number, ViewNoise(), rng_));
   }
 
+  std::vector<FrameRecord> AllFrames() {
+    const auto frames = fixture_.Read()->ListFrames(fixture_.map(), std::nullopt);
+    EXPECT_TRUE(frames.ok()) << frames.status();
+    return *frames;
+  }
+
   Status Merge(const PointFusions& fusions) {
     return MergeFragment(fixture_.store(), fixture_.tiles(), fixture_.events(), {}, session_,
                          {.S_map_session = {1, T_map_session_}}, fusions);
@@ -156,7 +162,7 @@ TEST_F(MergerTest, LeavesOutTargetsRetiredMeanwhile) {
 TEST_F(MergerTest, WhatWasNotFusedIsFoundInTheMap) {
   ASSERT_TRUE(Merge({}).ok());
   const auto reader = fixture_.Read();
-  const auto fusions = FindDuplicatePoints({}, *reader, fixture_.map());
+  const auto fusions = FindDuplicatePoints({}, *reader, AllFrames());
   ASSERT_TRUE(fusions.ok()) << fusions.status();
   ASSERT_GT(fusions->size(), 200U);
   size_t num_right = 0;
@@ -171,7 +177,7 @@ TEST_F(MergerTest, WhatWasNotFusedIsFoundInTheMap) {
 
 TEST_F(MergerTest, DuplicatesBecomeOnePointThatTheFramesOfBothSee) {
   ASSERT_TRUE(Merge({}).ok());
-  const auto fusions = FindDuplicatePoints({}, *fixture_.Read(), fixture_.map());
+  const auto fusions = FindDuplicatePoints({}, *fixture_.Read(), AllFrames());
   ASSERT_TRUE(fusions.ok()) << fusions.status();
   std::vector<std::vector<Observation>> before;
   const std::vector<FrameRecord> frames = fixture_.Frames(session_);
@@ -194,7 +200,7 @@ TEST_F(MergerTest, DuplicatesBecomeOnePointThatTheFramesOfBothSee) {
       EXPECT_EQ((*after)[k].point, fused_into == fusions->end() ? before[i][k].point : fused_into->second);
     }
   }
-  const auto again = FindDuplicatePoints({}, *reader, fixture_.map());
+  const auto again = FindDuplicatePoints({}, *reader, AllFrames());
   ASSERT_TRUE(again.ok()) << again.status();
   EXPECT_LT(again->size(), fusions->size() / 20);
 }

@@ -29,7 +29,7 @@ class RegistrarTest : public ::testing::Test {
   void StartRegistrar() {
     RegistrarOptions options;
     options.on_error = [](SessionId, const Status& status) { ADD_FAILURE() << status; };
-    options.on_closed_merged = [this](SessionId session) { closed_merged_ = session; };
+    options.on_closed_moved = [this](SessionId session) { closed_moved_ = session; };
     registrar_ = std::make_unique<Registrar>(fixture_.store(), fixture_.tiles(), fixture_.events(), options);
   }
 
@@ -63,7 +63,7 @@ class RegistrarTest : public ::testing::Test {
   }
 
   MapFixture fixture_;
-  std::atomic<SessionId> closed_merged_ = SessionId();  ///< told to the optimizer last
+  std::atomic<SessionId> closed_moved_ = SessionId();  ///< told to the optimizer last
   std::unique_ptr<Registrar> registrar_;
   SyntheticRoom room_{1};
   Rng rng_{99};
@@ -271,7 +271,7 @@ TEST_F(RegistrarTest, AClosedFragmentMergesOnceTheMapHasGrownToIt) {
   ASSERT_TRUE(log.WaitFor<SessionAligned>(0));
   ExpectAligned(session, poses);
   registrar_->Shutdown();
-  EXPECT_EQ(closed_merged_.load(), session) << "its optimization is owed";
+  EXPECT_EQ(closed_moved_.load(), session) << "its optimization is owed";
 }
 
 TEST_F(RegistrarTest, AnEqualWallThatJoinsTheMapIsNotThatPlaceWhenTheWayFromItWasAnother) {
