@@ -52,6 +52,8 @@ class MapReader {
   virtual StatusOr<std::vector<TileRecord>> ListTiles(MapId map, const std::optional<Aabb>& box_map) = 0;
   /// The encoded tile last put, if any; its revision may be older than the tile's.
   virtual StatusOr<std::optional<TileBlob>> GetTileBlob(MapId map, const TileKey& tile) = 0;
+  /// What the place index stored of the map, in that order. It is for its reader to check (vision/place_block.h).
+  virtual StatusOr<std::vector<std::string>> ListPlaceBlocks(MapId map) = 0;
 };
 
 /// Reads and changes inside one transaction; reads see the changes made so far.
@@ -94,6 +96,8 @@ class MapWriter : public MapReader {
   /// Ends the point at this revision. `fused_into`: the point that now stands for it; FindSessionPoints follows it.
   virtual Status RetirePoint(MapPointId point, std::optional<MapPointId> fused_into) = 0;
   virtual Status PutTileBlob(MapId map, const TileKey& tile, const TileBlob& blob) = 0;
+  /// Appends to ListPlaceBlocks(). No revision: frames and points stay as they are.
+  virtual Status AppendPlaceBlock(MapId map, const std::string& block) = 0;
 };
 
 /// The map database. Thread-safe.

@@ -3,7 +3,6 @@
 #include "mapp/base/rng.h"
 
 #include <absl/container/flat_hash_map.h>
-#include <absl/container/inlined_vector.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,28 +12,9 @@ namespace mapp {
 namespace {
 
 constexpr int kDescriptorBits = 8 * OrbDescriptor::kBytes;
-constexpr int kMinKeyBits = 8;
-constexpr int kMaxKeyBits = 32;
+constexpr uint32_t kPositionMask = (uint32_t{1} << PlaceBlock::kPositionBits) - 1;
 
-/// Frames holding a descriptor with the bucket's key, each once, by slot. Most buckets are short and stay inline.
-struct Bucket {
-  absl::InlinedVector<uint32_t, 4> slots;
-  bool is_common = false;  ///< reached the cap: emptied for good
-};
-
-/// One hash function (a choice of descriptor bits) and its buckets.
-struct Table {
-  std::vector<uint8_t> key_bits;
-  absl::flat_hash_map<uint32_t, Bucket> buckets;
-
-  uint32_t KeyOf(const OrbDescriptor& descriptor) const {
-    uint32_t key = 0;
-    for (const uint8_t bit : key_bits) {
-      key = (key << 1) | static_cast<uint32_t>((descriptor.words[bit / 64] >> (bit % 64)) & 1);
-    }
-    return key;
-  }
-};
+using Entries = std::vector<uint32_t>;
 
 /// Distinct bits, drawn without replacement by a partial Fisher-Yates shuffle.
 std::vector<uint8_t> DrawBits(int count, Rng& rng) {
@@ -45,87 +25,168 @@ std::vector<uint8_t> DrawBits(int count, Rng& rng) {
   return bits;
 }
 
-struct Slot {
-  uint64_t frame = 0;
-  uint32_t num_features = 0;
-  bool removed = false;
+/// The bits of a descriptor that make its key.
+struct KeyFunction {
+  std::vector<uint8_t> bits;
+
+  /// Left of the bits of a position.
+  uint32_t operator()(const OrbDescriptor& descriptor) const {
+    uint32_t key = 0;
+    for (const uint8_t bit : bits) {
+      key = (key << 1) | static_cast<uint32_t>((descriptor.words[bit / 64] >> (bit % 64)) & 1);
+    }
+    return key << PlaceBlock::kPositionBits;
+  }
 };
+
+void MergeInto(Entries& entries, const Entries& more) {
+  const auto middle = static_cast<ptrdiff_t>(entries.size());
+  entries.insert(entries.end(), more.begin(), more.end());
+  std::inplace_merge(entries.begin(), entries.begin() + middle, entries.end());
+}
+
+/// A run of frames. Frames that were removed or replaced keep their entries until the sweep.
+struct Segment {
+  PlaceBlock block;
+  std::vector<bool> removed;  ///< per frame
+
+  explicit Segment(const PlaceWords& words) {
+    block.words = words;
+    block.tables.resize(static_cast<size_t>(words.num_tables));
+  }
+  size_t size() const { return block.frames.size(); }
+};
+
+/// The frames of `segment` that are to be kept, by themselves.
+PlaceBlock KeptOf(const PlaceBlock& block, const std::vector<bool>& removed) {
+  PlaceBlock kept{.words = block.words, .frames = {}, .tables = {}};
+  std::vector<uint32_t> positions(block.frames.size(), 0);
+  for (size_t i = 0; i < block.frames.size(); ++i) {
+    positions[i] = static_cast<uint32_t>(kept.frames.size());
+    if (!removed[i]) kept.frames.push_back(block.frames[i]);
+  }
+  for (const Entries& entries : block.tables) {
+    Entries of_kept;
+    for (const uint32_t entry : entries) {
+      const uint32_t position = entry & kPositionMask;
+      if (!removed[position]) of_kept.push_back((entry & ~kPositionMask) | positions[position]);
+    }
+    of_kept.shrink_to_fit();
+    kept.tables.push_back(std::move(of_kept));
+  }
+  return kept;
+}
 
 }  // namespace
 
 struct PlaceIndex::Impl {
-  Options options;
-  std::vector<Table> tables;
-  std::vector<Slot> slots;
-  absl::flat_hash_map<uint64_t, uint32_t> slot_of_frame;
+  struct Location {
+    Segment* segment = nullptr;
+    size_t position = 0;
+  };
 
-  void AddToBucket(Bucket& bucket, uint32_t slot) const;
-  void DropRemoved();
+  explicit Impl(const Options& opts) : options(opts), fresh(opts.words) {}
+
+  /// Appends the block's frames to the last sealed segment, or to another one when that has no room for them.
+  void AppendSealed(PlaceBlock block);
+  /// Drops the removed frames' entries.
+  void Sweep();
   std::vector<float> Vote(std::span<const OrbDescriptor> descriptors) const;
+  /// All segments, the fresh one last.
+  template <typename Visit>
+  void ForEachSegment(const Visit& visit) {
+    for (const std::unique_ptr<Segment>& segment : sealed) visit(*segment);
+    visit(fresh);
+  }
+  std::vector<const Segment*> Segments() const {
+    std::vector<const Segment*> segments;
+    for (const std::unique_ptr<Segment>& segment : sealed) segments.push_back(segment.get());
+    segments.push_back(&fresh);
+    return segments;
+  }
+
+  Options options;
+  std::vector<KeyFunction> keys;  ///< per table
+  std::vector<std::unique_ptr<Segment>> sealed;
+  Segment fresh;  ///< frames added since the last seal
+  absl::flat_hash_map<uint64_t, Location> locations;
 };
 
-void PlaceIndex::Impl::AddToBucket(Bucket& bucket, uint32_t slot) const {
-  if (bucket.is_common) return;
-  // A frame full of one texture must not fill a bucket by itself: its entries are the last ones.
-  if (!bucket.slots.empty() && bucket.slots.back() == slot) return;
-  bucket.slots.push_back(slot);
-  if (bucket.slots.size() > static_cast<size_t>(options.max_bucket_entries)) {
-    bucket.slots = {};
-    bucket.is_common = true;
+void PlaceIndex::Impl::AppendSealed(PlaceBlock block) {
+  if (block.frames.empty()) return;
+  if (sealed.empty() || sealed.back()->size() + block.frames.size() > PlaceBlock::kMaxFrames) {
+    sealed.push_back(std::make_unique<Segment>(options.words));
+  }
+  Segment& into = *sealed.back();
+  const auto offset = static_cast<uint32_t>(into.size());
+  for (const PlaceBlock::Frame& frame : block.frames) {
+    locations[frame.id] = {&into, into.size()};
+    into.block.frames.push_back(frame);
+    into.removed.push_back(false);
+  }
+  for (size_t t = 0; t < block.tables.size(); ++t) {
+    for (uint32_t& entry : block.tables[t]) entry += offset;
+    MergeInto(into.block.tables[t], block.tables[t]);
   }
 }
 
-/// Renumbers the slots in use and sweeps the others from the buckets.
-void PlaceIndex::Impl::DropRemoved() {
-  std::vector<Slot> kept;
-  std::vector<uint32_t> new_slots(slots.size(), 0);
-  for (size_t i = 0; i < slots.size(); ++i) {
-    if (slots[i].removed) continue;
-    new_slots[i] = static_cast<uint32_t>(kept.size());
-    slot_of_frame[slots[i].frame] = new_slots[i];
-    kept.push_back(slots[i]);
-  }
-  for (Table& table : tables) {
-    absl::erase_if(table.buckets, [&](auto& entry) {
-      Bucket& bucket = entry.second;
-      const auto end =
-          std::remove_if(bucket.slots.begin(), bucket.slots.end(), [&](uint32_t slot) { return slots[slot].removed; });
-      bucket.slots.erase(end, bucket.slots.end());
-      for (uint32_t& slot : bucket.slots) slot = new_slots[slot];
-      return bucket.slots.empty() && !bucket.is_common;
-    });
-  }
-  slots = std::move(kept);
+void PlaceIndex::Impl::Sweep() {
+  ForEachSegment([this](Segment& segment) {
+    segment.block = KeptOf(segment.block, segment.removed);
+    segment.removed.assign(segment.size(), false);
+    for (size_t i = 0; i < segment.size(); ++i) locations[segment.block.frames[i].id] = {&segment, i};
+  });
 }
 
-/// Sum of bucket weights per slot.
+/// Sum of key weights per frame, segment after segment.
 std::vector<float> PlaceIndex::Impl::Vote(std::span<const OrbDescriptor> descriptors) const {
-  // Inverse document frequency, ln(N / n), kept positive when a bucket holds every frame.
-  const auto num_frames = static_cast<float>(slot_of_frame.size());
-  std::vector<float> weights(static_cast<size_t>(options.max_bucket_entries) + 1);
+  // Inverse document frequency, ln(N / n), kept positive when a key is in every frame.
+  const auto num_frames = static_cast<float>(locations.size());
+  const auto max_entries = static_cast<size_t>(options.max_bucket_entries);
+  std::vector<float> weights(max_entries + 1);
   for (size_t n = 1; n < weights.size(); ++n) weights[n] = std::log1p(num_frames / static_cast<float>(n));
 
-  std::vector<float> votes(slots.size(), 0.0F);
-  for (const Table& table : tables) {
+  const std::vector<const Segment*> segments = Segments();
+  std::vector<size_t> offsets;
+  size_t num_slots = 0;
+  for (const Segment* segment : segments) {
+    offsets.push_back(num_slots);
+    num_slots += segment->size();
+  }
+  std::vector<float> votes(num_slots, 0.0F);
+  std::vector<std::span<const uint32_t>> found(segments.size());
+  for (size_t t = 0; t < keys.size(); ++t) {
     for (const OrbDescriptor& descriptor : descriptors) {
-      const auto found = table.buckets.find(table.KeyOf(descriptor));
-      if (found == table.buckets.end()) continue;
-      const auto& bucket_slots = found->second.slots;
-      const float weight = weights[bucket_slots.size()];
-      for (const uint32_t slot : bucket_slots) votes[slot] += weight;
+      const uint32_t key = keys[t](descriptor);
+      size_t num_entries = 0;
+      for (size_t s = 0; s < segments.size(); ++s) {
+        const Entries& entries = segments[s]->block.tables[t];
+        const auto first = std::lower_bound(entries.begin(), entries.end(), key);
+        auto last = first;
+        while (last != entries.end() && (*last & ~kPositionMask) == key && num_entries <= max_entries) {
+          ++last;
+          ++num_entries;
+        }
+        found[s] = {first, last};
+      }
+      if (num_entries > max_entries) continue;
+      for (size_t s = 0; s < segments.size(); ++s) {
+        for (const uint32_t entry : found[s]) votes[offsets[s] + (entry & kPositionMask)] += weights[num_entries];
+      }
     }
   }
   return votes;
 }
 
-PlaceIndex::PlaceIndex(const Options& options) : impl_(std::make_unique<Impl>()) {
-  impl_->options = options;
-  impl_->options.num_tables = std::max(1, options.num_tables);
-  impl_->options.bits_per_key = std::clamp(options.bits_per_key, kMinKeyBits, kMaxKeyBits);
-  impl_->options.max_bucket_entries = std::max(1, options.max_bucket_entries);
-  Rng rng(options.seed);
-  for (int i = 0; i < impl_->options.num_tables; ++i) {
-    impl_->tables.push_back({.key_bits = DrawBits(impl_->options.bits_per_key, rng), .buckets = {}});
+PlaceIndex::PlaceIndex(const Options& options) {
+  Options possible = options;
+  possible.words.num_tables = std::clamp(options.words.num_tables, 1, 255);
+  possible.words.bits_per_key = std::clamp(options.words.bits_per_key, PlaceWords::kMinBits, PlaceWords::kMaxBits);
+  possible.max_bucket_entries = std::max(1, options.max_bucket_entries);
+  impl_ = std::make_unique<Impl>(possible);
+  Rng rng(possible.words.seed);
+  for (int i = 0; i < possible.words.num_tables; ++i) {
+    impl_->keys.push_back({DrawBits(possible.words.bits_per_key, rng)});
   }
 }
 
@@ -134,34 +195,48 @@ PlaceIndex::PlaceIndex(PlaceIndex&&) noexcept = default;
 PlaceIndex& PlaceIndex::operator=(PlaceIndex&&) noexcept = default;
 
 void PlaceIndex::Add(uint64_t frame, std::span<const OrbDescriptor> descriptors) {
-  const auto [entry, is_new] = impl_->slot_of_frame.try_emplace(frame, static_cast<uint32_t>(impl_->slots.size()));
-  if (is_new) impl_->slots.push_back({.frame = frame});
-  const uint32_t slot = entry->second;
-  impl_->slots[slot].num_features += static_cast<uint32_t>(descriptors.size());
-  for (Table& table : impl_->tables) {
-    for (const OrbDescriptor& descriptor : descriptors) {
-      impl_->AddToBucket(table.buckets[table.KeyOf(descriptor)], slot);
+  Remove(frame);
+  if (num_new_frames() == kMaxNewFrames) SealBlock();
+  Segment& fresh = impl_->fresh;
+  const auto position = static_cast<uint32_t>(fresh.size());
+  const size_t num_chosen = std::min(descriptors.size(), impl_->options.max_features);
+  for (size_t t = 0; t < impl_->keys.size(); ++t) {
+    Entries entries;
+    for (size_t i = 0; i < num_chosen; ++i) {
+      entries.push_back(impl_->keys[t](descriptors[i * descriptors.size() / num_chosen]) | position);
     }
+    std::ranges::sort(entries);
+    entries.erase(std::unique(entries.begin(), entries.end()), entries.end());
+    MergeInto(fresh.block.tables[t], entries);
   }
+  fresh.block.frames.push_back({frame, static_cast<uint32_t>(num_chosen)});
+  fresh.removed.push_back(false);
+  impl_->locations[frame] = {&fresh, position};
 }
 
 void PlaceIndex::Remove(uint64_t frame) {
-  const auto found = impl_->slot_of_frame.find(frame);
-  if (found == impl_->slot_of_frame.end()) return;
-  impl_->slots[found->second].removed = true;
-  impl_->slot_of_frame.erase(found);
-  const size_t num_removed = impl_->slots.size() - impl_->slot_of_frame.size();
-  if (num_removed > impl_->slot_of_frame.size()) impl_->DropRemoved();
+  const auto found = impl_->locations.find(frame);
+  if (found == impl_->locations.end()) return;
+  found->second.segment->removed[found->second.position] = true;
+  impl_->locations.erase(found);
+  size_t num_slots = 0;
+  for (const Segment* segment : impl_->Segments()) num_slots += segment->size();
+  if (num_slots > 2 * impl_->locations.size()) impl_->Sweep();
 }
+
+bool PlaceIndex::Contains(uint64_t frame) const { return impl_->locations.contains(frame); }
 
 std::vector<PlaceIndex::Candidate> PlaceIndex::Query(std::span<const OrbDescriptor> descriptors, size_t max_candidates,
                                                      const Filter& accept) const {
   const std::vector<float> votes = impl_->Vote(descriptors);
   std::vector<Candidate> candidates;
-  for (size_t i = 0; i < votes.size(); ++i) {
-    const Slot& slot = impl_->slots[i];
-    if (votes[i] <= 0 || slot.removed || (accept && !accept(slot.frame))) continue;
-    candidates.push_back({slot.frame, votes[i] / std::sqrt(static_cast<double>(slot.num_features))});
+  size_t slot = 0;
+  for (const Segment* segment : impl_->Segments()) {
+    for (size_t i = 0; i < segment->size(); ++i, ++slot) {
+      const PlaceBlock::Frame& frame = segment->block.frames[i];
+      if (votes[slot] <= 0 || segment->removed[i] || (accept && !accept(frame.id))) continue;
+      candidates.push_back({frame.id, votes[slot] / std::sqrt(static_cast<double>(frame.num_features))});
+    }
   }
   const size_t num_kept = std::min(max_candidates, candidates.size());
   std::partial_sort(candidates.begin(), candidates.begin() + static_cast<ptrdiff_t>(num_kept), candidates.end(),
@@ -172,6 +247,25 @@ std::vector<PlaceIndex::Candidate> PlaceIndex::Query(std::span<const OrbDescript
   return candidates;
 }
 
-size_t PlaceIndex::num_frames() const { return impl_->slot_of_frame.size(); }
+size_t PlaceIndex::num_frames() const { return impl_->locations.size(); }
+
+size_t PlaceIndex::num_new_frames() const { return impl_->fresh.size(); }
+
+PlaceBlock PlaceIndex::SealBlock() {
+  PlaceBlock block = KeptOf(impl_->fresh.block, impl_->fresh.removed);
+  impl_->fresh = Segment(impl_->options.words);
+  impl_->AppendSealed(block);
+  return block;
+}
+
+Status PlaceIndex::AddBlock(const PlaceBlock& block, const Filter& accept) {
+  if (block.words != impl_->options.words) return absl::InvalidArgumentError("place block: made of other words");
+  std::vector<bool> left_out;
+  for (const PlaceBlock::Frame& frame : block.frames) {
+    left_out.push_back(Contains(frame.id) || (accept && !accept(frame.id)));
+  }
+  impl_->AppendSealed(KeptOf(block, left_out));
+  return absl::OkStatus();
+}
 
 }  // namespace mapp

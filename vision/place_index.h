@@ -1,6 +1,7 @@
 #pragma once
 
 #include "mapp/feature/feature.h"
+#include "vision/place_block.h"
 
 #include <cstdint>
 #include <functional>
@@ -11,21 +12,22 @@
 namespace mapp {
 
 /// Incremental index from binary descriptors to the frames that hold them: locality-sensitive hashing on sampled bits
-/// (Indyk and Motwani 1998), votes weighted by how rare a bucket is. Adding and asking cost the same whatever the
-/// index holds, up to the bucket cap. Thread-compatible: guard it outside.
+/// (Indyk and Motwani 1998), votes weighted by how rare a key is. At most 4 bytes a feature and table, 4.8 KB a frame;
+/// kept as sorted runs, so that what is known can be stored and read back (place_block.h). Asking takes a search in
+/// one run for each 4096 frames. Thread-compatible: guard it outside.
 class PlaceIndex {
  public:
   struct Options {
-    int num_tables = 8;
-    /// Range [8, 32]. More bits make a collision say more and happen less often.
-    int bits_per_key = 20;
-    /// Buckets beyond this many entries are too common to tell places apart: they stop counting.
+    PlaceWords words = {};
+    /// Keys of more frames than this are too common to tell places apart: they do not count.
     int max_bucket_entries = 200;
-    uint64_t seed = 7;
+    /// Of a frame with more, so many are indexed, evenly chosen: more find hardly more frames again
+    /// (docs/decisions/0016).
+    size_t max_features = 600;
   };
   struct Candidate {
     uint64_t frame = 0;
-    double score = 0;  ///< sum of bucket weights over the square root of the frame's feature count
+    double score = 0;  ///< sum of key weights over the square root of the frame's indexed features
   };
   /// Whether a frame may be a candidate.
   using Filter = std::function<bool(uint64_t frame)>;
@@ -35,14 +37,24 @@ class PlaceIndex {
   PlaceIndex(PlaceIndex&&) noexcept;
   PlaceIndex& operator=(PlaceIndex&&) noexcept;
 
-  /// `frame` is the caller's key; adding it again adds to it.
+  /// `frame` is the caller's key; what was known of it is replaced.
   void Add(uint64_t frame, std::span<const OrbDescriptor> descriptors);
   /// Forgets the frame; unknown frames are ignored. Its memory is reclaimed once removed frames outnumber the others.
   void Remove(uint64_t frame);
+  bool Contains(uint64_t frame) const;
   /// Best `max_candidates` frames by score, best first (by key among equals), of those that `accept`, if any, passes.
   std::vector<Candidate> Query(std::span<const OrbDescriptor> descriptors, size_t max_candidates,
                                const Filter& accept = {}) const;
   size_t num_frames() const;
+
+  /// Frames added since the last SealBlock(); from kMaxNewFrames on they are sealed by themselves, and not stored.
+  size_t num_new_frames() const;
+  static constexpr size_t kMaxNewFrames = 256;
+  /// Takes what is known of these frames, to be stored.
+  PlaceBlock SealBlock();
+  /// Adds the frames of a stored block that `accept` passes and that are not known yet. INVALID_ARGUMENT when it was
+  /// made of other words.
+  Status AddBlock(const PlaceBlock& block, const Filter& accept);
 
  private:
   struct Impl;

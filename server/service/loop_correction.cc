@@ -26,12 +26,14 @@ class LoopCorrection {
   /// ABORTED when a frame was moved or taken out of the map meanwhile.
   Status Run(MapWriter& writer) {
     MAPP_RETURN_IF_ERROR(commit_.Run(writer));
-    for (const auto& [session, newest] : NewestFrames()) {
-      // The session goes on from where its newest frame went.
+    const std::map<SessionId, size_t> newest = NewestFrames();
+    for (const SessionId session : region_.led_sessions) {
+      // It goes on from where its newest frame went.
       MAPP_ASSIGN_OR_RETURN(SessionRecord record, writer.GetSession(session));
       if (!record.T_map_session || record.IsQuarantined()) continue;
+      const size_t idx = newest.at(session);
       const Pose3 T_new_old =
-          adjusted_.frames[newest].T_world_camera * region_.problem.frames[newest].T_world_camera.Inverse();
+          adjusted_.frames[idx].T_world_camera * region_.problem.frames[idx].T_world_camera.Inverse();
       record.T_map_session = T_new_old * *record.T_map_session;
       MAPP_RETURN_IF_ERROR(writer.UpdateSession(record));
       moved_.push_back(std::move(record));

@@ -14,7 +14,7 @@ namespace mapp {
 namespace {
 
 /// Frames that may move, and the bound of the work; of those beyond, as many again are read to stay.
-constexpr size_t kMaxFreeFrames = 2000;
+constexpr size_t kMaxFreeFrames = 1000;
 /// Of the frames that a frame shares points with, it is linked with those only that share most.
 constexpr size_t kMaxLinksOfFrame = 6;
 
@@ -181,7 +181,17 @@ Status GraphLoader::RememberSnapshot() {
   region.box_map = Aabb(region.box_map.min() - margin, region.box_map.max() + margin);
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> present, reader_.FramesInBox(loop_.map, region.box_map));
   for (const FrameRecord& frame : present) region.known_frames.insert(frame.id);
-  for (const FrameRecord& frame : region.frames) region.known_frames.insert(frame.id);
+  std::set<SessionId> sessions;
+  for (const FrameRecord& frame : region.frames) sessions.insert(frame.session);
+  for (const SessionId session : sessions) {
+    MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader_.ListFrames(loop_.map, session));
+    const FrameRecord* newest = nullptr;
+    for (const FrameRecord& frame : frames) {
+      region.known_frames.insert(frame.id);
+      if (frame.in_map && (newest == nullptr || frame.number > newest->number)) newest = &frame;
+    }
+    if (newest != nullptr && indices_.contains(newest->id)) region.led_sessions.push_back(session);
+  }
   for (const auto& [id, point] : points_) {
     region.known_points.insert(id);
     const auto seen_first = static_cast<size_t>(observers_.at(id).front());

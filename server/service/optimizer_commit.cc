@@ -67,10 +67,15 @@ std::vector<OptimizerCommit::Motion> OptimizerCommit::PointMotions() const {
 }
 
 Status OptimizerCommit::CarryArrived(MapWriter& writer, std::vector<Motion>& motions) {
-  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> present, writer.FramesInBox(map(), region_.box_map));
+  MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> present, writer.FramesInBox(map(), region_.box_map));
+  for (const SessionId session : region_.led_sessions) {
+    MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, writer.ListFrames(map(), session));
+    present.insert(present.end(), frames.begin(), frames.end());
+  }
   std::set<MapPointId> carried;
+  std::unordered_set<FrameId> moved;
   for (const FrameRecord& frame : present) {
-    if (region_.known_frames.contains(frame.id)) continue;
+    if (!frame.in_map || region_.known_frames.contains(frame.id) || !moved.insert(frame.id).second) continue;
     const Pose3 T_new_old = MotionOf(region_.ReferenceOf(frame));
     MAPP_RETURN_IF_ERROR(writer.SetFramePose(frame.id, /*in_map=*/true, T_new_old * frame.T_frame_camera));
     MAPP_ASSIGN_OR_RETURN(const std::vector<Observation> observations, writer.GetObservations(frame.id));

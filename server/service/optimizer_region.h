@@ -35,6 +35,8 @@ struct OptimizerRegion {
   Aabb box_map;
   std::unordered_set<FrameId> known_frames;
   std::unordered_set<MapPointId> known_points;
+  /// Sessions whose frames of that kind go along wherever they are: what comes next will be placed by them.
+  std::vector<SessionId> led_sessions;
 
   int num_free_frames() const;
   /// Index of the adjusted frame that `frame` keeps its place to: of its own session the next in number, else the

@@ -12,14 +12,13 @@
 #include "server/service/session_guard.h"
 #include "server/service/session_view.h"
 #include "server/service/step_times.h"
+#include "server/service/stored_places.h"
 #include "server/service/way_check.h"
-#include "vision/place_index.h"
 
 #include <algorithm>
 #include <numbers>
 #include <set>
 #include <unordered_map>
-#include <unordered_set>
 
 namespace mapp {
 namespace {
@@ -50,8 +49,7 @@ constexpr double kSameViewRad = 20.0 * std::numbers::pi / 180.0;
 
 /// What is known of one map; all of it can be had again from the store.
 struct MapState {
-  PlaceIndex index{PlaceIndex::Options{}};
-  std::unordered_set<FrameId> indexed_frames;
+  StoredPlaces places;
   std::unordered_map<SessionId, PlacementWords> fragments;
   FragmentIndex unmerged;                             ///< keyframes of fragments
   std::unordered_map<SessionId, Pose3> last_checked;  ///< T_map_camera of the last doubtful keyframe looked at
@@ -90,7 +88,6 @@ struct Registrar::Impl {
 
   /// The map's state, its index filled from the store when that is not up to date.
   StatusOr<MapState*> StateOf(MapReader& reader, MapId map);
-  static Status AddToIndex(MapReader& reader, FrameId frame, MapState& state);
   /// Those of the map to its index, those of fragments to that of fragments.
   static Status AddFrames(MapReader& reader, MapId map, std::optional<SessionId> session, MapState& state);
 
@@ -111,19 +108,11 @@ struct Registrar::Impl {
   SerialWorker<Task> worker;  ///< last: its thread uses all of the above
 };
 
-Status Registrar::Impl::AddToIndex(MapReader& reader, FrameId frame, MapState& state) {
-  if (state.indexed_frames.contains(frame)) return absl::OkStatus();
-  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame));
-  state.index.Add(frame.value(), view.Descriptors());
-  state.indexed_frames.insert(frame);
-  return absl::OkStatus();
-}
-
 Status Registrar::Impl::AddFrames(MapReader& reader, MapId map, std::optional<SessionId> session, MapState& state) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader.ListFrames(map, session));
   for (const FrameRecord& frame : frames) {
     if (frame.in_map) {
-      MAPP_RETURN_IF_ERROR(AddToIndex(reader, frame.id, state));
+      MAPP_RETURN_IF_ERROR(state.places.Add(reader, frame.id));
       continue;
     }
     MAPP_ASSIGN_OR_RETURN(const SessionRecord record, reader.GetSession(frame.session));
@@ -141,9 +130,13 @@ StatusOr<MapState*> Registrar::Impl::StateOf(MapReader& reader, MapId map) {
     const MutexLock lock(mutex);
     must_catch_up = behind.erase(map) > 0;
   }
-  const auto [state, is_new] = maps.try_emplace(map);
+  const auto [state, is_new] = maps.try_emplace(map, MapState{StoredPlaces(store, map), {}, {}, {}});
+  const auto on_damage = [this](const Status& damage) {
+    if (options.on_error) options.on_error(SessionId(), damage);
+  };
   if (is_new || must_catch_up) {
-    const Status status = AddFrames(reader, map, std::nullopt, state->second);
+    Status status = is_new ? state->second.places.Load(reader, on_damage) : absl::OkStatus();
+    if (status.ok()) status = AddFrames(reader, map, std::nullopt, state->second);
     if (!status.ok()) {
       // Half an index would look like a whole one the next time.
       maps.erase(state);
@@ -186,7 +179,7 @@ StatusOr<AlignmentConsensus*> Registrar::Impl::ConsensusOf(MapReader& reader, co
   const size_t first = earlier.size() > kKeyframesRevisited ? earlier.size() - kKeyframesRevisited : 0;
   for (size_t i = first; i < earlier.size(); ++i) {
     MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, earlier[i].id));
-    MAPP_RETURN_IF_ERROR(TryKeyframe(reader, view, state.index, *consensus).status());
+    MAPP_RETURN_IF_ERROR(TryKeyframe(reader, view, state.places.index(), *consensus).status());
   }
   return consensus;
 }
@@ -201,7 +194,7 @@ Status Registrar::Impl::ProcessFragmentFrame(MapReader& reader, const FrameRecor
   const Stopwatch stopwatch;
   MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
   MAPP_ASSIGN_OR_RETURN(AlignmentConsensus* const consensus, ConsensusOf(reader, frame, state));
-  MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, view, state.index, *consensus));
+  MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, view, state.places.index(), *consensus));
   state.unmerged.Add(frame.session, frame.id, view.Descriptors());
   const Status merged = MergeIfDecided(reader, frame, *consensus, state);
   if (options.step_times != nullptr) options.step_times->Add(ServiceStep::kAlignment, stopwatch.Elapsed());
@@ -263,7 +256,7 @@ Status Registrar::Impl::RecallFragments(MapReader& reader, const FrameRecord& fr
 
 Status Registrar::Impl::TryAgain(MapReader& reader, const FrameView& view, MapState& state) {
   MAPP_ASSIGN_OR_RETURN(AlignmentConsensus* const consensus, ConsensusOf(reader, view.record, state));
-  MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, view, state.index, *consensus));
+  MAPP_ASSIGN_OR_RETURN(const AlignmentTried tried, TryKeyframe(reader, view, state.places.index(), *consensus));
   if (tried.num_consistent == 0) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader.ListFrames(view.record.map, view.record.session));
   const auto at =
@@ -272,7 +265,7 @@ Status Registrar::Impl::TryAgain(MapReader& reader, const FrameView& view, MapSt
   for (size_t i = idx - std::min(idx, kNeighborsAsked); i < std::min(idx + kNeighborsAsked + 1, frames.size()); ++i) {
     if (i == idx) continue;
     MAPP_ASSIGN_OR_RETURN(const FrameView neighbor, LoadFrame(reader, frames[i].id));
-    MAPP_RETURN_IF_ERROR(TryKeyframe(reader, neighbor, state.index, *consensus).status());
+    MAPP_RETURN_IF_ERROR(TryKeyframe(reader, neighbor, state.places.index(), *consensus).status());
   }
   return MergeIfDecided(reader, view.record, *consensus, state);
 }
@@ -285,7 +278,7 @@ Status Registrar::Impl::CheckDoubtful(MapReader& reader, const FrameRecord& fram
   }
   last->second = frame.T_frame_camera;
   MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
-  MAPP_ASSIGN_OR_RETURN(const KeyframeEvidence evidence, CheckPlacement(reader, view, state.index, options));
+  MAPP_ASSIGN_OR_RETURN(const KeyframeEvidence evidence, CheckPlacement(reader, view, state.places.index(), options));
   MAPP_ASSIGN_OR_RETURN(const SessionRecord session, reader.GetSession(frame.session));
   return options.guard->NoteLate(session, frame.number, evidence);
 }
@@ -299,7 +292,7 @@ void Registrar::Impl::ForgetQuarantined(const Task& task) {
   loop_closer.Forget(task.session);
   state->second.unmerged.Remove(task.session);
   for (const FrameId frame : task.retired) {
-    if (state->second.indexed_frames.erase(frame) > 0) state->second.index.Remove(frame.value());
+    state->second.places.Remove(frame);
   }
 }
 
@@ -318,9 +311,9 @@ Status Registrar::Impl::Process(const Task& task) {
   MAPP_ASSIGN_OR_RETURN(const FrameRecord frame, reader->GetFrame(task.frame));
   MAPP_ASSIGN_OR_RETURN(MapState* const state, StateOf(*reader, frame.map));
   if (!frame.in_map) return ProcessFragmentFrame(*reader, frame, *state);
-  MAPP_RETURN_IF_ERROR(AddToIndex(*reader, frame.id, *state));
-  MAPP_RETURN_IF_ERROR(refiner.OnFrame(*reader, frame, state->index));
-  MAPP_RETURN_IF_ERROR(loop_closer.OnFrame(*reader, frame, state->index));
+  MAPP_RETURN_IF_ERROR(state->places.Add(*reader, frame.id));
+  MAPP_RETURN_IF_ERROR(refiner.OnFrame(*reader, frame, state->places.index()));
+  MAPP_RETURN_IF_ERROR(loop_closer.OnFrame(*reader, frame, state->places.index()));
   if (task.kind == Task::Kind::kCheckedFrame && options.guard != nullptr) {
     MAPP_RETURN_IF_ERROR(CheckDoubtful(*reader, frame, *state));
   }
@@ -375,6 +368,14 @@ void Registrar::OnSessionReleased(MapId map, SessionId session) {
   impl_->worker.Push({.kind = Task::Kind::kReleased, .map = map, .session = session, .frame = {}, .retired = {}});
 }
 
-void Registrar::Shutdown() { impl_->worker.Stop(); }
+void Registrar::Shutdown() {
+  impl_->worker.Stop();
+  for (auto& [map, state] : impl_->maps) {
+    const Status status = state.places.Store();
+    if (!status.ok() && !absl::IsNotFound(status) && impl_->options.on_error) {
+      impl_->options.on_error(SessionId(), status);
+    }
+  }
+}
 
 }  // namespace mapp

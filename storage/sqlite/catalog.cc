@@ -40,6 +40,7 @@ constexpr const char* kDeleteMapStatements[] = {
     "DELETE FROM frames WHERE map_id = ?1",
     "DELETE FROM keyframe_log WHERE session_id IN (SELECT session_id FROM sessions WHERE map_id = ?1)",
     "DELETE FROM revisions WHERE map_id = ?1",
+    "DELETE FROM place_blocks WHERE map_id = ?1",
 };
 
 /// The sessions go last but one, together with the cameras that nobody else uses.

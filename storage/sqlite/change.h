@@ -58,6 +58,9 @@ class Change final : public MapReads<MapWriter> {
   Status PutTileBlob(MapId map, const TileKey& tile, const TileBlob& blob) override {
     return sqlite::PutTileBlob(db_, ledger_, map, tile, blob);
   }
+  Status AppendPlaceBlock(MapId map, const std::string& block) override {
+    return sqlite::AppendPlaceBlock(db_, map, block);
+  }
 
  private:
   ChangeLedger ledger_;

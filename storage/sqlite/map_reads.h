@@ -3,6 +3,7 @@
 #include "storage/map_store.h"
 #include "storage/sqlite/catalog.h"
 #include "storage/sqlite/frames.h"
+#include "storage/sqlite/place_blocks.h"
 #include "storage/sqlite/points.h"
 #include "storage/sqlite/tiles.h"
 
@@ -65,6 +66,7 @@ class MapReads : public Interface {
   StatusOr<std::optional<TileBlob>> GetTileBlob(MapId map, const TileKey& tile) override {
     return sqlite::GetTileBlob(db_, map, tile);
   }
+  StatusOr<std::vector<std::string>> ListPlaceBlocks(MapId map) override { return sqlite::ListPlaceBlocks(db_, map); }
 
  protected:
   Connection& db_;

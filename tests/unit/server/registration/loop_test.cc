@@ -1,5 +1,7 @@
 #include "server/service/loop_closer.h"
 #include "server/service/loop_correction.h"
+#include "server/service/loop_graph.h"
+#include "server/service/optimizer_commit.h"
 #include "server/service/registrar.h"
 #include "tests/unit/server/registration/map_fixture.h"
 #include "tests/unit/server/registration/synthetic_room.h"
@@ -209,6 +211,36 @@ TEST_F(LoopTest, FurtherAwayThanOdometryDriftsIsNoLoop) {
   Tell(stranger, elsewhere.Step(poses[9]));
   ASSERT_TRUE(stranger_log.WaitFor<AlignmentTried>(0));
   EXPECT_EQ(log.Count<SessionCorrected>(), 0U);
+}
+
+TEST_F(LoopTest, WhatCameMeanwhileGoesAlongWhereverItIs) {
+  const SessionId session = OpenSession(/*founder=*/true);
+  DriftingWalk walk(fixture_, room_, session, {});
+  for (const Pose3& pose : Laps(kFramesOfLap)) walk.Step(pose);
+  const std::vector<FrameRecord> frames = fixture_.Frames(session);
+  const Loop loop{fixture_.map(), {session, frames.back().number, frames.back().number}, {}};
+  const auto graph = LoadLoopGraph({}, *fixture_.Read(), loop);
+  ASSERT_TRUE(graph.ok()) << graph.status();
+
+  const Pose3 far = SyntheticRoom::Stand(2.9, 0, -std::numbers::pi / 2);
+  const FrameId arrived = walk.Step(far);
+  const auto before = fixture_.Read()->GetFrame(arrived);
+  ASSERT_TRUE(before.ok()) << before.status();
+  const Eigen::Vector3d& center = before->T_frame_camera.translation();
+  ASSERT_FALSE(graph->region.box_map.contains(center)) << "the test is of what lies beyond";
+
+  const Pose3 shift(Eigen::Quaterniond::Identity(), {0, 0, 0.1});
+  BundleProblem adjusted = graph->region.problem;
+  for (BundleProblem::Frame& frame : adjusted.frames) {
+    if (!frame.fixed) frame.T_world_camera = shift * frame.T_world_camera;
+  }
+  const std::vector<bool> no_outliers;
+  OptimizerCommit commit(graph->region, adjusted, no_outliers);
+  const Status committed = fixture_.store().Write({}, [&](MapWriter& writer) { return commit.Run(writer); });
+  ASSERT_TRUE(committed.ok()) << committed;
+  const auto after = fixture_.Read()->GetFrame(arrived);
+  ASSERT_TRUE(after.ok()) << after.status();
+  EXPECT_LT((after->T_frame_camera.translation() - center - shift.translation()).norm(), 1e-9);
 }
 
 TEST_F(LoopTest, ALoopThatTheWayContradictsChangesNothing) {

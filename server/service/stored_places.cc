@@ -1,0 +1,39 @@
+#include "server/service/stored_places.h"
+
+#include "server/service/frame_view.h"
+#include "storage/map_store.h"
+
+#include <unordered_set>
+
+namespace mapp {
+
+Status StoredPlaces::Load(MapReader& reader, const OnDamage& on_damage) {
+  MAPP_ASSIGN_OR_RETURN(const std::vector<std::string> blocks, reader.ListPlaceBlocks(map_));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader.ListFrames(map_, std::nullopt));
+  std::unordered_set<uint64_t> in_map;
+  for (const FrameRecord& frame : frames) {
+    if (frame.in_map) in_map.insert(frame.id.value());
+  }
+  for (const std::string& bytes : blocks) {
+    const StatusOr<PlaceBlock> block = DecodePlaceBlock(bytes);
+    const Status added =
+        block.ok() ? index_.AddBlock(*block, [&in_map](uint64_t id) { return in_map.contains(id); }) : block.status();
+    if (!added.ok() && on_damage) on_damage(added);
+  }
+  return absl::OkStatus();
+}
+
+Status StoredPlaces::Add(MapReader& reader, FrameId frame) {
+  if (index_.Contains(frame.value())) return absl::OkStatus();
+  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame));
+  index_.Add(frame.value(), view.Descriptors());
+  return index_.num_new_frames() < PlaceIndex::kMaxNewFrames ? absl::OkStatus() : Store();
+}
+
+Status StoredPlaces::Store() {
+  if (index_.num_new_frames() == 0) return absl::OkStatus();
+  const std::string block = EncodePlaceBlock(index_.SealBlock());
+  return store_.Write({}, [this, &block](MapWriter& writer) { return writer.AppendPlaceBlock(map_, block); });
+}
+
+}  // namespace mapp
