@@ -131,7 +131,7 @@ Status LoopCloser::Decide(MapReader& reader, const FrameRecord& frame, const Own
   if (options_.on_loop_closed) options_.on_loop_closed(frame.session, *closed);
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> now, store_.Read());
   MAPP_ASSIGN_OR_RETURN(const SessionRecord session, now->GetSession(frame.session));
-  if (session.closed_ns && options_.on_closed_moved) options_.on_closed_moved(session.id);
+  if (session.optimized && options_.on_optimization_due) options_.on_optimization_due(session.id);
   return absl::OkStatus();
 }
 

@@ -13,8 +13,9 @@
 namespace mapp {
 namespace {
 
-/// Frames that may move, and the bound of the work; of those beyond, as many again are read to stay.
+/// Frames that may move, and the bound of the work; of those beyond, so many are read to stay.
 constexpr size_t kMaxFreeFrames = 1000;
+constexpr size_t kMaxFixedFrames = 300;
 /// Of the frames that a frame shares points with, it is linked with those only that share most.
 constexpr size_t kMaxLinksOfFrame = 6;
 
@@ -204,7 +205,8 @@ StatusOr<LoopGraph> GraphLoader::Load() {
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> own, reader_.ListFrames(loop_.map, loop_.visit.session));
   for (const FrameRecord& frame : own) MAPP_RETURN_IF_ERROR(Enqueue(frame.id));
   for (const LoopMatch& match : loop_.matches) MAPP_RETURN_IF_ERROR(Enqueue(match.anchor));
-  while (!waiting_.empty() && graph_.region.frames.size() < 2 * kMaxFreeFrames) MAPP_RETURN_IF_ERROR(ReadNext());
+  while (!waiting_.empty() && graph_.region.frames.size() < kMaxFreeFrames + kMaxFixedFrames)
+    MAPP_RETURN_IF_ERROR(ReadNext());
   if (graph_.region.frames.empty()) return graph_;
   MAPP_RETURN_IF_ERROR(FixGauge());
   LinkNeighborsInNumber();

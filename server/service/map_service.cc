@@ -225,6 +225,7 @@ StatusOr<UpdateResult> MapService::ReportUpdate(const CallContext& context, Sess
 StatusOr<ClosedSession> MapService::CloseSession(const CallContext& context, SessionId session) {
   ClosedSession closed;
   bool just_closed = false;
+  MapId map;
   const auto close = [&](MapWriter& writer) -> Status {
     MAPP_ASSIGN_OR_RETURN(SessionRecord record, writer.GetSession(session));
     closed.num_keyframes = record.num_keyframes;
@@ -232,11 +233,12 @@ StatusOr<ClosedSession> MapService::CloseSession(const CallContext& context, Ses
     closed.optimization_pending = record.T_map_session.has_value() && !record.optimized;
     if (record.closed_ns) return absl::OkStatus();
     just_closed = true;
+    map = record.map;
     record.closed_ns = UnixNowNs();
     return writer.UpdateSession(record);
   };
   const auto queue_optimization = [&] {
-    if (just_closed && closed.optimization_pending) impl_->optimizer.OnSessionClosed(session);
+    if (just_closed && closed.optimization_pending) impl_->registrar.OnSessionClosed(map, session);
   };
   MAPP_RETURN_IF_ERROR(impl_->store.Write(context, close, queue_optimization));
   return closed;

@@ -29,7 +29,7 @@ struct MapService::Impl {
   }
 
   RegistrarOptions WithOptimizer(RegistrarOptions options) {
-    options.on_closed_moved = [this](SessionId session) { optimizer.OnSessionClosed(session); };
+    options.on_optimization_due = [this](SessionId session) { optimizer.OnSessionClosed(session); };
     return options;
   }
 

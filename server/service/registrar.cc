@@ -35,7 +35,7 @@ constexpr size_t kMaxRecalled = 2;
 constexpr size_t kNeighborsAsked = 2;
 
 struct Task {
-  enum class Kind { kFrame, kCheckedFrame, kMapGone, kQuarantined, kReleased };
+  enum class Kind { kFrame, kCheckedFrame, kClosed, kMapGone, kQuarantined, kReleased };
   Kind kind = Kind::kFrame;
   MapId map;
   SessionId session;
@@ -227,7 +227,7 @@ Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const
   state.fragments.erase(frame.session);
   state.unmerged.Remove(frame.session);
   MAPP_RETURN_IF_ERROR(AddFrames(*merged, frame.map, frame.session, state));
-  if (session.closed_ns && options.on_closed_moved) options.on_closed_moved(session.id);
+  if (session.closed_ns && options.on_optimization_due) options.on_optimization_due(session.id);
   // Other fragments may have been where this one was, and its own way may lead back to where the map was before.
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, merged->ListFrames(frame.map, frame.session));
   for (size_t i = 0; i < frames.size(); i += kJoinedStep) {
@@ -323,6 +323,9 @@ Status Registrar::Impl::Process(const Task& task) {
 void Registrar::Impl::Run(const Task& task) {
   Status status;
   switch (task.kind) {
+    case Task::Kind::kClosed:
+      if (options.on_optimization_due) options.on_optimization_due(task.session);
+      return;
     case Task::Kind::kMapGone:
       maps.erase(task.map);
       return;
@@ -353,6 +356,13 @@ void Registrar::OnKeyframeStored(MapId map, SessionId session, FrameId frame, bo
   if (!in_map) return;
   const MutexLock lock(impl_->mutex);
   impl_->behind.insert(map);
+}
+
+void Registrar::OnSessionClosed(MapId map, SessionId session) {
+  if (impl_->worker.Push({.kind = Task::Kind::kClosed, .map = map, .session = session, .frame = {}, .retired = {}})) {
+    return;
+  }
+  if (impl_->options.on_optimization_due) impl_->options.on_optimization_due(session);
 }
 
 void Registrar::OnMapDeleted(MapId map) {

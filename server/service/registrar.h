@@ -35,9 +35,9 @@ struct RegistrarOptions {
   /// A second place that explains the keyframe with this share of the best place's inliers makes it ambiguous: it then
   /// proves nothing (equal rooms, equal cars).
   double max_rival_share = 0.6;
-  /// Told of a closed session that has merged after all, or been corrected for a loop: its optimization is owed now.
-  /// May be empty; must not block.
-  std::function<void(SessionId)> on_closed_moved;
+  /// Told of a closed session that is to be optimized now: its last keyframe has been looked at, it has merged after
+  /// all, or it was corrected for a loop. May be empty; must not block.
+  std::function<void(SessionId)> on_optimization_due;
   /// Told of a session that came back to mapped ground and was corrected. May be empty; must not block.
   std::function<void(SessionId, const ClosedLoop&)> on_loop_closed;
   /// Told of what went wrong with a session in the background: a broken packet, a disk that fails. May be empty; must
@@ -70,6 +70,9 @@ class Registrar {
   /// the map, and indexed once it has merged. When a map's frames were never loaded (after a start), they are indexed
   /// first. `doubtful`: a frame in the map that did not look like the map there, to be checked (placement_check.h).
   void OnKeyframeStored(MapId map, SessionId session, FrameId frame, bool in_map, bool doubtful = false);
+  /// The session sends no more, and is in the map: its optimization is due once its keyframes have been looked at, for a
+  /// loop comes first (DESIGN 8).
+  void OnSessionClosed(MapId map, SessionId session);
   /// Forgets the session's fragment, and the frames that were retired.
   void OnSessionQuarantined(MapId map, SessionId session, const std::vector<FrameId>& retired);
   /// Takes up the fragment of a session that was released.

@@ -29,7 +29,7 @@ class RegistrarTest : public ::testing::Test {
   void StartRegistrar() {
     RegistrarOptions options;
     options.on_error = [](SessionId, const Status& status) { ADD_FAILURE() << status; };
-    options.on_closed_moved = [this](SessionId session) { closed_moved_ = session; };
+    options.on_optimization_due = [this](SessionId session) { optimization_due_ = session; };
     registrar_ = std::make_unique<Registrar>(fixture_.store(), fixture_.tiles(), fixture_.events(), options);
   }
 
@@ -63,7 +63,7 @@ class RegistrarTest : public ::testing::Test {
   }
 
   MapFixture fixture_;
-  std::atomic<SessionId> closed_moved_ = SessionId();  ///< told to the optimizer last
+  std::atomic<SessionId> optimization_due_ = SessionId();  ///< told to the optimizer last
   std::unique_ptr<Registrar> registrar_;
   SyntheticRoom room_{1};
   Rng rng_{99};
@@ -252,6 +252,24 @@ TEST_F(RegistrarTest, RecognizesTheMapAfterARestart) {
   ExpectAligned(session, poses);
 }
 
+TEST_F(RegistrarTest, OptimizationIsDueWhenAllKeyframesHaveBeenLookedAt) {
+  FoundMap();
+  const SessionId session = OpenSession(/*founder=*/false);
+  EventLog log(fixture_, session);
+  const std::vector<Pose3> poses = SyntheticRoom::Circle(0.8, 1.0, 0.15, 5);
+  Walk(room_, session, poses);
+  ASSERT_TRUE(log.WaitFor<SessionAligned>(0));
+  EXPECT_EQ(optimization_due_.load(), SessionId());
+  fixture_.CloseSession(session);
+  registrar_->OnSessionClosed(fixture_.map(), session);
+  // Taken in order: when this one is answered, what came before it is done.
+  const SessionId last = OpenSession(/*founder=*/false);
+  EventLog last_log(fixture_, last);
+  Walk(room_, last, {poses.front()});
+  ASSERT_TRUE(last_log.WaitFor<AlignmentTried>(0));
+  EXPECT_EQ(optimization_due_.load(), session);
+}
+
 TEST_F(RegistrarTest, AClosedFragmentMergesOnceTheMapHasGrownToIt) {
   founder_poses_ = SyntheticRoom::Circle(0.5, 0.6, 0.3, 12);
   const SessionId founder = OpenSession(/*founder=*/true);
@@ -271,7 +289,7 @@ TEST_F(RegistrarTest, AClosedFragmentMergesOnceTheMapHasGrownToIt) {
   ASSERT_TRUE(log.WaitFor<SessionAligned>(0));
   ExpectAligned(session, poses);
   registrar_->Shutdown();
-  EXPECT_EQ(closed_moved_.load(), session) << "its optimization is owed";
+  EXPECT_EQ(optimization_due_.load(), session) << "its optimization is owed";
 }
 
 TEST_F(RegistrarTest, AnEqualWallThatJoinsTheMapIsNotThatPlaceWhenTheWayFromItWasAnother) {
