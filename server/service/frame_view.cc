@@ -16,6 +16,23 @@ namespace {
 /// Mur-Artal and Tardos 2017 set it for the Kinect.
 constexpr double kRgbdBaselineM = 0.076;
 
+StatusOr<Keyframe> LoadKeyframe(MapReader& reader, FrameId frame) {
+  MAPP_ASSIGN_OR_RETURN(const std::string packet, reader.GetPacket(frame));
+  StatusOr<Keyframe> keyframe = DecodeKeyframe(packet);
+  if (!keyframe.ok()) {
+    return absl::DataLossError(
+        fmt::format("frame {}: stored packet: {}", frame.value(), std::string(keyframe.status().message())));
+  }
+  return keyframe;
+}
+
+std::vector<OrbDescriptor> DescriptorsOf(const Keyframe& keyframe) {
+  std::vector<OrbDescriptor> descriptors;
+  descriptors.reserve(keyframe.features.size());
+  for (const KeyframeFeature& feature : keyframe.features) descriptors.push_back(feature.descriptor);
+  return descriptors;
+}
+
 /// Per feature, the point it observes, if that point is live.
 StatusOr<std::vector<std::optional<MapPointId>>> LivePoints(MapReader& reader, const FrameView& view) {
   MAPP_ASSIGN_OR_RETURN(const std::vector<Observation> observations, reader.GetObservations(view.record.id));
@@ -39,12 +56,7 @@ StatusOr<std::vector<std::optional<MapPointId>>> LivePoints(MapReader& reader, c
 
 }  // namespace
 
-std::vector<OrbDescriptor> FrameView::Descriptors() const {
-  std::vector<OrbDescriptor> descriptors;
-  descriptors.reserve(keyframe.features.size());
-  for (const KeyframeFeature& feature : keyframe.features) descriptors.push_back(feature.descriptor);
-  return descriptors;
-}
+std::vector<OrbDescriptor> FrameView::Descriptors() const { return DescriptorsOf(keyframe); }
 
 DepthKind DepthKindOf(const SessionRecord& session, const MapRecord& map) {
   const bool measured = MeasuresDepth(session.sensor);
@@ -59,13 +71,7 @@ StatusOr<FrameView> LoadFrame(MapReader& reader, FrameId frame) {
   view.camera = std::move(camera.camera);
   view.pinhole = view.camera.Undistorted();
 
-  MAPP_ASSIGN_OR_RETURN(const std::string packet, reader.GetPacket(frame));
-  StatusOr<Keyframe> keyframe = DecodeKeyframe(packet);
-  if (!keyframe.ok()) {
-    return absl::DataLossError(
-        fmt::format("frame {}: stored packet: {}", frame.value(), std::string(keyframe.status().message())));
-  }
-  view.keyframe = *std::move(keyframe);
+  MAPP_ASSIGN_OR_RETURN(view.keyframe, LoadKeyframe(reader, frame));
   MAPP_ASSIGN_OR_RETURN(const SessionRecord session, reader.GetSession(view.record.session));
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader.GetMap(view.record.map));
   ScaleLengths(view.keyframe, session.scale_map_session);
@@ -78,6 +84,11 @@ StatusOr<FrameView> LoadFrame(MapReader& reader, FrameId frame) {
   }
   MAPP_ASSIGN_OR_RETURN(view.points, LivePoints(reader, view));
   return view;
+}
+
+StatusOr<std::vector<OrbDescriptor>> LoadDescriptors(MapReader& reader, FrameId frame) {
+  MAPP_ASSIGN_OR_RETURN(const Keyframe keyframe, LoadKeyframe(reader, frame));
+  return DescriptorsOf(keyframe);
 }
 
 double DepthWeightBf(const Camera& camera) {

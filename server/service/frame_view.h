@@ -37,6 +37,9 @@ struct FrameView {
 /// NOT_FOUND: no such frame. DATA_LOSS: its packet does not decode.
 StatusOr<FrameView> LoadFrame(MapReader& reader, FrameId frame);
 
+/// What the frame's keyframe looks like, and nothing else of it: much cheaper. Errors as LoadFrame.
+StatusOr<std::vector<OrbDescriptor>> LoadDescriptors(MapReader& reader, FrameId frame);
+
 /// f * baseline for stereo, the RGB-D default otherwise: what weighs depths against pixels (pixel metres).
 double DepthWeightBf(const Camera& camera);
 

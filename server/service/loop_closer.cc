@@ -29,14 +29,13 @@ constexpr double kMinTurnRad = 1.5 * std::numbers::pi / 180;
 
 double WayBetween(const Pose3& a, const Pose3& b) { return Distance(a, b) + kMetersPerRad * RotationAngle(a, b); }
 
-/// Whether the view shares points with one of the frames.
-StatusOr<bool> IsJoined(MapReader& reader, const FrameView& view, std::span<const FrameId> frames) {
+/// Whether a frame shares points with one of the others.
+StatusOr<bool> IsJoined(MapReader& reader, FrameId frame, std::span<const FrameId> others) {
   std::unordered_set<MapPointId> own;
-  for (const std::optional<MapPointId>& point : view.points) {
-    if (point) own.insert(*point);
-  }
-  for (const FrameId frame : frames) {
-    MAPP_ASSIGN_OR_RETURN(const std::vector<Observation> observations, reader.GetObservations(frame));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<Observation> seen, reader.GetObservations(frame));
+  for (const Observation& observation : seen) own.insert(observation.point);
+  for (const FrameId other : others) {
+    MAPP_ASSIGN_OR_RETURN(const std::vector<Observation> observations, reader.GetObservations(other));
     const auto num_shared =
         std::ranges::count_if(observations, [&own](const Observation& o) { return own.contains(o.point); });
     if (num_shared >= kMinJoiningPoints) return true;
@@ -152,17 +151,18 @@ Status LoopCloser::OnFrame(MapReader& reader, const FrameRecord& frame, const Pl
     stretch.last_number = std::max(stretch.last_number, number);
     left_out.insert(step.frame.value());
   }
-  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<OrbDescriptor> descriptors, LoadDescriptors(reader, frame.id));
   std::vector<FrameId> candidates;
   for (const PlaceIndex::Candidate& candidate :
-       index.Query(view.Descriptors(), static_cast<size_t>(options_.max_candidates),
+       index.Query(descriptors, static_cast<size_t>(options_.max_candidates),
                    [&left_out](uint64_t id) { return !left_out.contains(id); })) {
     candidates.emplace_back(candidate.frame);
   }
   if (candidates.empty()) return absl::OkStatus();
-  MAPP_ASSIGN_OR_RETURN(const bool is_joined, IsJoined(reader, view, candidates));
+  MAPP_ASSIGN_OR_RETURN(const bool is_joined, IsJoined(reader, frame.id, candidates));
   if (is_joined) return absl::OkStatus();
   walk->last_asked = frame.T_frame_camera;
+  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
   MAPP_ASSIGN_OR_RETURN(std::optional<Word> word, Ask(reader, view, candidates, stretch, way_m));
   if (!word) return absl::OkStatus();
   walk->words.push_back(*std::move(word));

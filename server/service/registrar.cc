@@ -82,6 +82,8 @@ struct Registrar::Impl {
   Status RecallFragments(MapReader& reader, const FrameRecord& frame, MapState& state);
   /// A close look at a doubtful keyframe, unless it shows what the one before it did.
   Status CheckDoubtful(MapReader& reader, const FrameRecord& frame, MapState& state);
+  /// Nothing more is to come that what is remembered of the session would serve.
+  void ForgetClosed(const Task& task);
   void ForgetQuarantined(const Task& task);
   Status TakeUpReleased(const Task& task);
   Status TryAgain(MapReader& reader, const FrameView& view, MapState& state);
@@ -118,8 +120,8 @@ Status Registrar::Impl::AddFrames(MapReader& reader, MapId map, std::optional<Se
     MAPP_ASSIGN_OR_RETURN(const SessionRecord record, reader.GetSession(frame.session));
     // Frames left out of an aligned session are nobody's fragment.
     if (record.T_map_session || record.IsQuarantined()) continue;
-    MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
-    state.unmerged.Add(frame.session, frame.id, view.Descriptors());
+    MAPP_ASSIGN_OR_RETURN(const std::vector<OrbDescriptor> descriptors, LoadDescriptors(reader, frame.id));
+    state.unmerged.Add(frame.session, frame.id, descriptors);
   }
   return absl::OkStatus();
 }
@@ -238,8 +240,8 @@ Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const
 
 Status Registrar::Impl::RecallFragments(MapReader& reader, const FrameRecord& frame, MapState& state) {
   if (state.unmerged.empty()) return absl::OkStatus();
-  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
-  for (const FrameId recalled : state.unmerged.LookingLike(view.Descriptors(), kMaxRecalled)) {
+  MAPP_ASSIGN_OR_RETURN(const std::vector<OrbDescriptor> descriptors, LoadDescriptors(reader, frame.id));
+  for (const FrameId recalled : state.unmerged.LookingLike(descriptors, kMaxRecalled)) {
     // As the map stands now: the one before may have merged, and given the map another unit.
     MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> now, store.Read());
     MAPP_ASSIGN_OR_RETURN(const FrameView own, LoadFrame(*now, recalled));
@@ -283,6 +285,13 @@ Status Registrar::Impl::CheckDoubtful(MapReader& reader, const FrameRecord& fram
   return options.guard->NoteLate(session, frame.number, evidence);
 }
 
+void Registrar::Impl::ForgetClosed(const Task& task) {
+  refiner.Forget(task.session);
+  loop_closer.Forget(task.session);
+  const auto state = maps.find(task.map);
+  if (state != maps.end()) state->second.last_checked.erase(task.session);
+}
+
 void Registrar::Impl::ForgetQuarantined(const Task& task) {
   const auto state = maps.find(task.map);
   if (state == maps.end()) return;
@@ -324,6 +333,7 @@ void Registrar::Impl::Run(const Task& task) {
   Status status;
   switch (task.kind) {
     case Task::Kind::kClosed:
+      ForgetClosed(task);
       if (options.on_optimization_due) options.on_optimization_due(task.session);
       return;
     case Task::Kind::kMapGone:

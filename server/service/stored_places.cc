@@ -25,8 +25,8 @@ Status StoredPlaces::Load(MapReader& reader, const OnDamage& on_damage) {
 
 Status StoredPlaces::Add(MapReader& reader, FrameId frame) {
   if (index_.Contains(frame.value())) return absl::OkStatus();
-  MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame));
-  index_.Add(frame.value(), view.Descriptors());
+  MAPP_ASSIGN_OR_RETURN(const std::vector<OrbDescriptor> descriptors, LoadDescriptors(reader, frame));
+  index_.Add(frame.value(), descriptors);
   return index_.num_new_frames() < PlaceIndex::kMaxNewFrames ? absl::OkStatus() : Store();
 }
 
