@@ -73,7 +73,7 @@ StatusOr<LoopCloser::Walk*> LoopCloser::Follow(MapReader& reader, const FrameRec
   Walk& walk = entry->second;
   if (walk.steps.contains(frame.number)) return &walk;
   std::vector<FrameRecord> frames = {frame};
-  if (is_new || frame.number < walk.steps.rbegin()->first) {
+  if (is_new || walk.steps.empty() || frame.number < walk.steps.rbegin()->first) {
     walk.steps.clear();
     MAPP_ASSIGN_OR_RETURN(frames, reader.ListFrames(frame.map, frame.session));
     std::erase_if(frames, [](const FrameRecord& record) { return !record.in_map; });
@@ -105,44 +105,54 @@ StatusOr<std::optional<LoopCloser::Word>> LoopCloser::Ask(MapReader& reader, con
   return Word{*std::move(result.alignment), {anchor->id, frame.id, T_anchor_frame}};
 }
 
-Status LoopCloser::Decide(MapReader& reader, const FrameRecord& frame, const OwnFrames& stretch, Walk& walk) {
+StatusOr<bool> LoopCloser::Decide(const CallContext& context, MapReader& reader, const FrameRecord& frame,
+                                  const OwnFrames& stretch, Walk& walk) {
   AlignmentConsensus consensus(options_);
   for (const Word& word : walk.words) consensus.Add(word.alignment);
   const std::optional<Sim3> correction = consensus.Decide();
-  if (!correction) return absl::OkStatus();
+  if (!correction) return false;
   const Pose3 T_map_camera = *correction * frame.T_frame_camera;
   if (Distance(T_map_camera, frame.T_frame_camera) < kMinOffsetM &&
       RotationAngle(T_map_camera, frame.T_frame_camera) < kMinTurnRad) {
-    return absl::OkStatus();
+    return false;
   }
+  // Should this be none, the next metres would only say the same.
+  walk.silent_until_m = walk.steps.at(frame.number).way_m + kMinWayM;
   const std::deque<Word> words = std::exchange(walk.words, {});
   MAPP_ASSIGN_OR_RETURN(const ViewAgreement way, CompareWayWithMap(reader, frame, *correction, stretch));
-  if (!Tolerates(options_, way)) return absl::OkStatus();
+  if (!Tolerates(options_, way)) return false;
   Loop loop{frame.map, stretch, {}};
   for (const Word& word : words) {
     if (AgreesWith(word.alignment, *correction, options_)) loop.matches.push_back(word.match);
   }
-  MAPP_ASSIGN_OR_RETURN(const std::optional<ClosedLoop> closed,
-                        CloseLoop(store_, tiles_, events_, CallContext{}, loop));
-  if (!closed) return absl::OkStatus();
-  // Its way leads elsewhere in the map now.
-  walks_.erase(frame.session);
+  MAPP_ASSIGN_OR_RETURN(std::optional<ClosedLoop> closed, CloseLoop(store_, tiles_, events_, context, loop));
+  if (!closed) return false;
+  // Ways lead elsewhere in the map now, and what keyframes have said is of the map as it was.
+  walks_.clear();
+  const StatusOr<uint32_t> num_fused = FuseVisit(store_, tiles_, events_, context, loop);
+  if (num_fused.ok()) closed->num_fused = *num_fused;
+  // Left double, they are found by an operator's optimization of the map.
+  if (!num_fused.ok() && !absl::IsCancelled(num_fused.status()) && options_.on_error) {
+    options_.on_error(frame.session, num_fused.status());
+  }
   if (options_.on_loop_closed) options_.on_loop_closed(frame.session, *closed);
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> now, store_.Read());
   MAPP_ASSIGN_OR_RETURN(const SessionRecord session, now->GetSession(frame.session));
   if (session.optimized && options_.on_optimization_due) options_.on_optimization_due(session.id);
-  return absl::OkStatus();
+  return true;
 }
 
-Status LoopCloser::OnFrame(MapReader& reader, const FrameRecord& frame, const PlaceIndex& index) {
+StatusOr<bool> LoopCloser::OnFrame(const CallContext& context, MapReader& reader, const FrameRecord& frame,
+                                   const PlaceIndex& index) {
   MAPP_ASSIGN_OR_RETURN(const SessionRecord session, reader.GetSession(frame.session));
-  if (!MeasuresDepth(session.sensor) || session.IsQuarantined()) return absl::OkStatus();
+  if (!MeasuresDepth(session.sensor) || session.IsQuarantined()) return false;
   MAPP_ASSIGN_OR_RETURN(Walk* const walk, Follow(reader, frame));
   if (walk->last_asked && Distance(*walk->last_asked, frame.T_frame_camera) < kNextLoopViewM &&
       RotationAngle(*walk->last_asked, frame.T_frame_camera) < kNextLoopViewRad) {
-    return absl::OkStatus();
+    return false;
   }
   const double way_m = walk->steps.at(frame.number).way_m;
+  if (way_m < walk->silent_until_m && way_m > walk->silent_until_m - 2 * kMinWayM) return false;
   OwnFrames stretch{frame.session, frame.number, frame.number};
   std::unordered_set<uint64_t> left_out;
   for (const auto& [number, step] : walk->steps) {
@@ -158,16 +168,16 @@ Status LoopCloser::OnFrame(MapReader& reader, const FrameRecord& frame, const Pl
                    [&left_out](uint64_t id) { return !left_out.contains(id); })) {
     candidates.emplace_back(candidate.frame);
   }
-  if (candidates.empty()) return absl::OkStatus();
+  if (candidates.empty()) return false;
   MAPP_ASSIGN_OR_RETURN(const bool is_joined, IsJoined(reader, frame.id, candidates));
-  if (is_joined) return absl::OkStatus();
+  if (is_joined) return false;
   walk->last_asked = frame.T_frame_camera;
   MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
   MAPP_ASSIGN_OR_RETURN(std::optional<Word> word, Ask(reader, view, candidates, stretch, way_m));
-  if (!word) return absl::OkStatus();
+  if (!word) return false;
   walk->words.push_back(*std::move(word));
   if (walk->words.size() > kMaxLoopWords) walk->words.pop_front();
-  return Decide(reader, frame, stretch, *walk);
+  return Decide(context, reader, frame, stretch, *walk);
 }
 
 }  // namespace mapp

@@ -1,11 +1,11 @@
 #pragma once
 
+#include "mapp/base/call_context.h"
 #include "server/service/alignment_verifier.h"
 #include "server/service/loop.h"
 #include "vision/place_index.h"
 
 #include <deque>
-#include <functional>
 #include <map>
 #include <optional>
 #include <unordered_map>
@@ -27,9 +27,12 @@ class LoopCloser {
   LoopCloser(MapStore& store, TileCache& tiles, SessionEvents& events, const RegistrarOptions& options)
       : store_(store), tiles_(tiles), events_(events), options_(options) {}
 
-  /// A frame is in the map, new or with the fragment that it came with. Errors are the store's.
-  Status OnFrame(MapReader& reader, const FrameRecord& frame, const PlaceIndex& index);
+  /// A frame is in the map, new or with the fragment that it came with. Whether a loop was closed: what was said of the
+  /// map before it is void then. Errors are the store's, and CANCELLED of `context`.
+  StatusOr<bool> OnFrame(const CallContext& context, MapReader& reader, const FrameRecord& frame,
+                         const PlaceIndex& index);
   void Forget(SessionId session) { walks_.erase(session); }
+  void ForgetAll() { walks_.clear(); }
 
  private:
   /// One keyframe's word: where the rest of the map has it.
@@ -46,6 +49,7 @@ class LoopCloser {
     std::map<uint32_t, Step> steps;   ///< by keyframe number
     std::optional<Pose3> last_asked;  ///< T_map_camera of the keyframe asked last
     std::deque<Word> words;
+    double silent_until_m = 0;  ///< of its way: it was asked just before
   };
 
   /// The session's, with this frame on its way.
@@ -54,7 +58,8 @@ class LoopCloser {
   StatusOr<std::optional<Word>> Ask(MapReader& reader, const FrameView& view, std::span<const FrameId> candidates,
                                     const OwnFrames& stretch, double way_m) const;
   /// Corrects the session when enough words agree on it.
-  Status Decide(MapReader& reader, const FrameRecord& frame, const OwnFrames& stretch, Walk& walk);
+  StatusOr<bool> Decide(const CallContext& context, MapReader& reader, const FrameRecord& frame,
+                        const OwnFrames& stretch, Walk& walk);
 
   MapStore& store_;
   TileCache& tiles_;

@@ -30,7 +30,7 @@ class LoopCorrection {
     for (const SessionId session : region_.led_sessions) {
       // It goes on from where its newest frame went.
       MAPP_ASSIGN_OR_RETURN(SessionRecord record, writer.GetSession(session));
-      if (!record.T_map_session || record.IsQuarantined()) continue;
+      if (!record.T_map_session) continue;
       const size_t idx = newest.at(session);
       const Pose3 T_new_old =
           adjusted_.frames[idx].T_world_camera * region_.problem.frames[idx].T_world_camera.Inverse();
@@ -45,6 +45,7 @@ class LoopCorrection {
     tiles.Invalidate(commit_.map(), commit_.touched_tiles());
     events.PublishToMap(commit_.map(), TilesChanged{.keys = commit_.touched_tiles(), .revision = commit_.revision()});
     for (const SessionRecord& session : moved_) {
+      if (session.IsQuarantined()) continue;
       events.Publish(session.id, SessionCorrected{.T_map_session = *session.T_map_session,
                                                   .scale_map_session = session.scale_map_session});
     }
@@ -82,10 +83,9 @@ double LargestMotion(const BundleProblem& before, const BundleProblem& after) {
   return largest_m;
 }
 
-}  // namespace
-
-StatusOr<std::optional<ClosedLoop>> CloseLoop(MapStore& store, TileCache& tiles, SessionEvents& events,
-                                              const CallContext& context, const Loop& loop) {
+/// One attempt. ABORTED when a frame was moved or taken out of the map meanwhile.
+StatusOr<std::optional<ClosedLoop>> TryCloseLoop(MapStore& store, TileCache& tiles, SessionEvents& events,
+                                                 const CallContext& context, const Loop& loop) {
   LoopGraph graph;
   {
     MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
@@ -93,25 +93,43 @@ StatusOr<std::optional<ClosedLoop>> CloseLoop(MapStore& store, TileCache& tiles,
   }
   if (graph.num_matches == 0 || graph.region.num_free_frames() == 0) return std::nullopt;
   BundleProblem adjusted = graph.region.problem;
-  MAPP_RETURN_IF_ERROR(AdjustBundle(adjusted, {.max_iterations = 100, .num_threads = 2, .max_seconds = 20}).status());
+  const BundleOptions options{.max_iterations = 100,
+                              .num_threads = 2,
+                              .max_seconds = 20,
+                              .is_cancelled = [&context] { return !context.Check().ok(); },
+                              .on_iteration = {}};
+  MAPP_RETURN_IF_ERROR(AdjustBundle(adjusted, options).status());
+  MAPP_RETURN_IF_ERROR(context.Check());
   if (!IsClosed(adjusted)) return std::nullopt;
   const std::vector<bool> no_outliers;
   LoopCorrection correction(graph.region, adjusted, no_outliers);
-  const Status written = store.Write(
+  MAPP_RETURN_IF_ERROR(store.Write(
       context, [&correction](MapWriter& writer) { return correction.Run(writer); },
-      [&] { correction.Announce(tiles, events); });
-  if (absl::IsAborted(written)) return std::nullopt;
-  MAPP_RETURN_IF_ERROR(written);
+      [&] { correction.Announce(tiles, events); }));
+  return ClosedLoop{adjusted.frames.size(), LargestMotion(graph.region.problem, adjusted), 0};
+}
 
+}  // namespace
+
+StatusOr<std::optional<ClosedLoop>> CloseLoop(MapStore& store, TileCache& tiles, SessionEvents& events,
+                                              const CallContext& context, const Loop& loop) {
+  constexpr int kMaxAttempts = 3;
+  for (int attempt = 1;; ++attempt) {
+    StatusOr<std::optional<ClosedLoop>> closed = TryCloseLoop(store, tiles, events, context, loop);
+    if (!absl::IsAborted(closed.status())) return closed;
+    if (attempt == kMaxAttempts) return std::nullopt;
+  }
+}
+
+StatusOr<uint32_t> FuseVisit(MapStore& store, TileCache& tiles, SessionEvents& events, const CallContext& context,
+                             const Loop& loop) {
   std::vector<FrameRecord> visit;
   {
     MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
     MAPP_ASSIGN_OR_RETURN(visit, reader->ListFrames(loop.map, loop.visit.session));
   }
-  std::erase_if(visit, [&loop](const FrameRecord& frame) { return !loop.visit.Contains(frame); });
-  ClosedLoop closed{adjusted.frames.size(), LargestMotion(graph.region.problem, adjusted), 0};
-  MAPP_ASSIGN_OR_RETURN(closed.num_fused, FuseDuplicates(store, tiles, events, context, loop.map, visit));
-  return closed;
+  std::erase_if(visit, [&loop](const FrameRecord& frame) { return !frame.in_map || !loop.visit.Contains(frame); });
+  return FuseDuplicates(store, tiles, events, context, loop.map, visit);
 }
 
 }  // namespace mapp

@@ -55,6 +55,7 @@ class GraphLoader {
   void LinkNeighborsInNumber();
   void LinkCovisible();
   void LinkMatches();
+  FrameId FirstToSee(const PointRecord& point) const;
   Status RememberSnapshot();
   bool IsFixed(int idx) const { return graph_.region.problem.frames[static_cast<size_t>(idx)].fixed; }
 
@@ -174,37 +175,52 @@ void GraphLoader::LinkMatches() {
   }
 }
 
+/// The frame that mapped the point, or else the earliest one that sees it.
+FrameId GraphLoader::FirstToSee(const PointRecord& point) const {
+  const FrameRecord* first = nullptr;
+  const auto is_later = [&point](const FrameRecord& frame) {
+    return std::pair(frame.session != point.session, frame.id);
+  };
+  for (const int idx : observers_.at(point.id)) {
+    const FrameRecord& frame = graph_.region.frames[static_cast<size_t>(idx)];
+    if (first == nullptr || is_later(frame) < is_later(*first)) first = &frame;
+  }
+  return first->id;
+}
+
 Status GraphLoader::RememberSnapshot() {
-  constexpr double kMarginM = 2;
   OptimizerRegion& region = graph_.region;
-  for (const FrameRecord& frame : region.frames) region.box_map.extend(frame.T_frame_camera.translation());
-  const Eigen::Vector3d margin = Eigen::Vector3d::Constant(kMarginM);
-  region.box_map = Aabb(region.box_map.min() - margin, region.box_map.max() + margin);
-  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> present, reader_.FramesInBox(loop_.map, region.box_map));
-  for (const FrameRecord& frame : present) region.known_frames.insert(frame.id);
   std::set<SessionId> sessions;
   for (const FrameRecord& frame : region.frames) sessions.insert(frame.session);
   for (const SessionId session : sessions) {
     MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, reader_.ListFrames(loop_.map, session));
     const FrameRecord* newest = nullptr;
     for (const FrameRecord& frame : frames) {
+      if (!frame.in_map) continue;
       region.known_frames.insert(frame.id);
-      if (frame.in_map && (newest == nullptr || frame.number > newest->number)) newest = &frame;
+      if (newest == nullptr || frame.number > newest->number) newest = &frame;
     }
     if (newest != nullptr && indices_.contains(newest->id)) region.led_sessions.push_back(session);
   }
   for (const auto& [id, point] : points_) {
     region.known_points.insert(id);
-    const auto seen_first = static_cast<size_t>(observers_.at(id).front());
-    region.carried_points.push_back({.record = point, .frame = region.frames[seen_first].id});
+    region.carried_points.push_back({.record = point, .frame = FirstToSee(point)});
   }
   return absl::OkStatus();
 }
 
 StatusOr<LoopGraph> GraphLoader::Load() {
-  MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> own, reader_.ListFrames(loop_.map, loop_.visit.session));
+  // Within the bound have to be the matches, and then what of the session is nearest to them.
+  for (const LoopMatch& match : loop_.matches) {
+    MAPP_RETURN_IF_ERROR(Enqueue(match.anchor));
+    MAPP_RETURN_IF_ERROR(Enqueue(match.frame));
+  }
+  MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> own, reader_.ListFrames(loop_.map, loop_.visit.session));
+  std::ranges::stable_sort(own, {}, [this](const FrameRecord& frame) {
+    const uint32_t at = loop_.visit.last_number;
+    return std::max(frame.number, at) - std::min(frame.number, at);
+  });
   for (const FrameRecord& frame : own) MAPP_RETURN_IF_ERROR(Enqueue(frame.id));
-  for (const LoopMatch& match : loop_.matches) MAPP_RETURN_IF_ERROR(Enqueue(match.anchor));
   while (!waiting_.empty() && graph_.region.frames.size() < kMaxFreeFrames + kMaxFixedFrames)
     MAPP_RETURN_IF_ERROR(ReadNext());
   if (graph_.region.frames.empty()) return graph_;

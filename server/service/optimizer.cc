@@ -135,10 +135,13 @@ Status Optimizer::Impl::Commit(const CallContext& context, const OptimizerRegion
 Status Optimizer::Impl::OptimizeAround(const CallContext& context, std::span<const FrameRecord> frames,
                                        const OptimizerOptions& limits, const MapOptimizationObserver& on_progress,
                                        OptimizationFinished& finished) {
+  const Clock::time_point start = Clock::now();
   for (int attempt = 1;; ++attempt) {
     OptimizationFinished tried = finished;
-    const Status status = TryOptimizeAround(context, frames, limits, on_progress, tried);
-    if (absl::IsAborted(status) && attempt < kMaxAttempts) continue;
+    OptimizerOptions left = limits;
+    left.max_seconds -= SecondsSince(start);
+    const Status status = TryOptimizeAround(context, frames, left, on_progress, tried);
+    if (absl::IsAborted(status) && attempt < kMaxAttempts && SecondsSince(start) < limits.max_seconds) continue;
     if (status.ok()) finished = tried;
     return status;
   }

@@ -61,13 +61,17 @@ std::vector<OptimizerCommit::Motion> OptimizerCommit::PointMotions() const {
   }
   for (const OptimizerRegion::CarriedPoint& carried : region_.carried_points) {
     const Pose3 T_new_old = MotionOf(references.at(carried.frame));
-    motions.push_back({.point = carried.record.id, .position = T_new_old * carried.record.position});
+    motions.push_back(
+        {.point = carried.record.id, .position = T_new_old * carried.record.position, .turn = T_new_old.rotation()});
   }
   return motions;
 }
 
 Status OptimizerCommit::CarryArrived(MapWriter& writer, std::vector<Motion>& motions) {
-  MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> present, writer.FramesInBox(map(), region_.box_map));
+  std::vector<FrameRecord> present;
+  if (!region_.box_map.isEmpty()) {
+    MAPP_ASSIGN_OR_RETURN(present, writer.FramesInBox(map(), region_.box_map));
+  }
   for (const SessionId session : region_.led_sessions) {
     MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, writer.ListFrames(map(), session));
     present.insert(present.end(), frames.begin(), frames.end());
@@ -88,7 +92,7 @@ Status OptimizerCommit::CarryArrived(MapWriter& writer, std::vector<Motion>& mot
     for (const PointRecord& point : points) {
       // Older points that only frames outside the region knew stay with those frames.
       if (point.session == frame.session)
-        motions.push_back({.point = point.id, .position = T_new_old * point.position});
+        motions.push_back({.point = point.id, .position = T_new_old * point.position, .turn = T_new_old.rotation()});
     }
   }
   return absl::OkStatus();
@@ -97,19 +101,21 @@ Status OptimizerCommit::CarryArrived(MapWriter& writer, std::vector<Motion>& mot
 Status OptimizerCommit::MovePoints(MapWriter& writer, const std::vector<Motion>& motions) {
   MAPP_ASSIGN_OR_RETURN(const MapRecord map_record, writer.GetMap(map()));
   const TileGrid grid{.edge_m = map_record.tile_edge_m};
-  std::unordered_map<MapPointId, Eigen::Vector3d> targets;
+  std::unordered_map<MapPointId, const Motion*> targets;
   std::vector<MapPointId> ids;
   for (const Motion& motion : motions) {
-    if (targets.emplace(motion.point, motion.position).second) ids.push_back(motion.point);
+    if (targets.emplace(motion.point, &motion).second) ids.push_back(motion.point);
   }
   // The current versions: what other sessions observed meanwhile stays, and points retired meanwhile stay retired.
   MAPP_ASSIGN_OR_RETURN(std::vector<PointRecord> points, writer.FindPoints(ids));
   std::set<TileKey> touched;
   for (PointRecord& point : points) {
-    const Eigen::Vector3d& position = targets.at(point.id);
+    const Motion& motion = *targets.at(point.id);
+    const Eigen::Vector3d& position = motion.position;
     if ((position - point.position).norm() < kMinPointMotionM || !position.allFinite()) continue;
     touched.insert(grid.KeyOf(point.position));
     point.position = position;
+    point.view_direction = (motion.turn * point.view_direction.cast<double>()).cast<float>();
     touched.insert(grid.KeyOf(point.position));
     MAPP_RETURN_IF_ERROR(writer.UpdatePoint(point));
   }

@@ -26,6 +26,7 @@ class OptimizerCommit {
   struct Motion {
     MapPointId point;
     Eigen::Vector3d position;
+    Eigen::Quaterniond turn = Eigen::Quaterniond::Identity();  ///< of what it goes with
   };
 
   /// T_new_old: how the adjusted frame moved, in the map's frame.

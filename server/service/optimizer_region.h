@@ -32,7 +32,7 @@ struct OptimizerRegion {
   std::vector<CarriedPoint> carried_points;
   /// What the snapshot held here, free or not: a later frame or point in `box_map` that is none of these arrived while
   /// the adjustment ran.
-  Aabb box_map;
+  Aabb box_map;  ///< empty: only frames of led_sessions go along
   std::unordered_set<FrameId> known_frames;
   std::unordered_set<MapPointId> known_points;
   /// Sessions whose frames of that kind go along wherever they are: what comes next will be placed by them.

@@ -32,6 +32,7 @@ class PlacementRefiner {
   /// A frame has joined the map. Errors are the store's.
   Status OnFrame(MapReader& reader, const FrameRecord& frame, const PlaceIndex& index);
   void Forget(SessionId session) { sessions_.erase(session); }
+  void ForgetAll() { sessions_.clear(); }
 
  private:
   struct PlacedSession {

@@ -16,6 +16,7 @@
 #include "server/service/way_check.h"
 
 #include <algorithm>
+#include <atomic>
 #include <numbers>
 #include <set>
 #include <unordered_map>
@@ -84,9 +85,12 @@ struct Registrar::Impl {
   Status CheckDoubtful(MapReader& reader, const FrameRecord& frame, MapState& state);
   /// Nothing more is to come that what is remembered of the session would serve.
   void ForgetClosed(const Task& task);
+  void QueueClosed(MapId map, SessionId session);
   void ForgetQuarantined(const Task& task);
   Status TakeUpReleased(const Task& task);
   Status TryAgain(MapReader& reader, const FrameView& view, MapState& state);
+  /// Where a loop is closed, what was said of the map as it was is forgotten.
+  Status CloseLoops(MapReader& reader, const FrameRecord& frame, MapState& state);
 
   /// The map's state, its index filled from the store when that is not up to date.
   StatusOr<MapState*> StateOf(MapReader& reader, MapId map);
@@ -98,6 +102,7 @@ struct Registrar::Impl {
   SessionEvents& events;
   const RegistrarOptions options;
 
+  std::atomic<bool> stopping = false;
   // Of the worker's thread alone.
   PlacementRefiner refiner;
   LoopCloser loop_closer;
@@ -229,13 +234,18 @@ Status Registrar::Impl::Merge(MapReader& reader, const FrameRecord& frame, const
   state.fragments.erase(frame.session);
   state.unmerged.Remove(frame.session);
   MAPP_RETURN_IF_ERROR(AddFrames(*merged, frame.map, frame.session, state));
-  if (session.closed_ns && options.on_optimization_due) options.on_optimization_due(session.id);
   // Other fragments may have been where this one was, and its own way may lead back to where the map was before.
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, merged->ListFrames(frame.map, frame.session));
   for (size_t i = 0; i < frames.size(); i += kJoinedStep) {
     worker.Push({.map = frame.map, .session = frame.session, .frame = frames[i].id, .retired = {}});
   }
+  if (session.closed_ns) QueueClosed(frame.map, session.id);
   return absl::OkStatus();
+}
+
+void Registrar::Impl::QueueClosed(MapId map, SessionId session) {
+  if (worker.Push({.kind = Task::Kind::kClosed, .map = map, .session = session, .frame = {}, .retired = {}})) return;
+  if (options.on_optimization_due) options.on_optimization_due(session);
 }
 
 Status Registrar::Impl::RecallFragments(MapReader& reader, const FrameRecord& frame, MapState& state) {
@@ -293,12 +303,12 @@ void Registrar::Impl::ForgetClosed(const Task& task) {
 }
 
 void Registrar::Impl::ForgetQuarantined(const Task& task) {
+  refiner.Forget(task.session);
+  loop_closer.Forget(task.session);
   const auto state = maps.find(task.map);
   if (state == maps.end()) return;
   state->second.fragments.erase(task.session);
   state->second.last_checked.erase(task.session);
-  refiner.Forget(task.session);
-  loop_closer.Forget(task.session);
   state->second.unmerged.Remove(task.session);
   for (const FrameId frame : task.retired) {
     state->second.places.Remove(frame);
@@ -314,6 +324,22 @@ Status Registrar::Impl::TakeUpReleased(const Task& task) {
   return absl::OkStatus();
 }
 
+Status Registrar::Impl::CloseLoops(MapReader& reader, const FrameRecord& frame, MapState& state) {
+  CallContext context;
+  context.is_cancelled = [this] { return stopping.load(); };
+  const StatusOr<bool> closed = loop_closer.OnFrame(context, reader, frame, state.places.index());
+  if (!closed.ok()) {
+    // Of frames that look alike one may be broken: the others' work goes on.
+    if (!stopping && options.on_error) options.on_error(frame.session, closed.status());
+    return absl::OkStatus();
+  }
+  if (!*closed) return absl::OkStatus();
+  state.fragments.clear();
+  state.last_checked.clear();
+  refiner.ForgetAll();
+  return absl::OkStatus();
+}
+
 Status Registrar::Impl::Process(const Task& task) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
   // The session may have merged since the frame was stored, or been quarantined: the store knows.
@@ -322,7 +348,7 @@ Status Registrar::Impl::Process(const Task& task) {
   if (!frame.in_map) return ProcessFragmentFrame(*reader, frame, *state);
   MAPP_RETURN_IF_ERROR(state->places.Add(*reader, frame.id));
   MAPP_RETURN_IF_ERROR(refiner.OnFrame(*reader, frame, state->places.index()));
-  MAPP_RETURN_IF_ERROR(loop_closer.OnFrame(*reader, frame, state->places.index()));
+  MAPP_RETURN_IF_ERROR(CloseLoops(*reader, frame, *state));
   if (task.kind == Task::Kind::kCheckedFrame && options.guard != nullptr) {
     MAPP_RETURN_IF_ERROR(CheckDoubtful(*reader, frame, *state));
   }
@@ -338,6 +364,8 @@ void Registrar::Impl::Run(const Task& task) {
       return;
     case Task::Kind::kMapGone:
       maps.erase(task.map);
+      refiner.ForgetAll();
+      loop_closer.ForgetAll();
       return;
     case Task::Kind::kQuarantined:
       ForgetQuarantined(task);
@@ -368,12 +396,7 @@ void Registrar::OnKeyframeStored(MapId map, SessionId session, FrameId frame, bo
   impl_->behind.insert(map);
 }
 
-void Registrar::OnSessionClosed(MapId map, SessionId session) {
-  if (impl_->worker.Push({.kind = Task::Kind::kClosed, .map = map, .session = session, .frame = {}, .retired = {}})) {
-    return;
-  }
-  if (impl_->options.on_optimization_due) impl_->options.on_optimization_due(session);
-}
+void Registrar::OnSessionClosed(MapId map, SessionId session) { impl_->QueueClosed(map, session); }
 
 void Registrar::OnMapDeleted(MapId map) {
   impl_->worker.Push({.kind = Task::Kind::kMapGone, .map = map, .session = {}, .frame = {}, .retired = {}});
@@ -389,6 +412,7 @@ void Registrar::OnSessionReleased(MapId map, SessionId session) {
 }
 
 void Registrar::Shutdown() {
+  impl_->stopping = true;
   impl_->worker.Stop();
   for (auto& [map, state] : impl_->maps) {
     const Status status = state.places.Store();

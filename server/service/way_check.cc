@@ -57,7 +57,7 @@ ViewAgreement CompareOne(const QueryKeyframe& query, const std::vector<PointReco
 StatusOr<ViewAgreement> CompareWayWithMap(MapReader& reader, const FrameRecord& at, const Sim3& S_map_session,
                                           const OwnFrames& way) {
   MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> frames, reader.ListFrames(at.map, at.session));
-  std::erase_if(frames, [&way](const FrameRecord& frame) { return !way.Contains(frame); });
+  std::erase_if(frames, [&](const FrameRecord& frame) { return frame.in_map != at.in_map || !way.Contains(frame); });
   ViewAgreement sum;
   for (const FrameRecord& frame : WayAround(std::move(frames), at, S_map_session.scale)) {
     MAPP_ASSIGN_OR_RETURN(const FrameView view, LoadFrame(reader, frame.id));
