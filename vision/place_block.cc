@@ -62,7 +62,8 @@ StatusOr<PlaceBlock> DecodePlaceBlock(std::string_view bytes) {
   block.words.num_tables = reader.Get<uint8_t>();
   block.words.bits_per_key = reader.Get<uint8_t>();
   block.words.seed = reader.Get<uint64_t>();
-  if (block.words.num_tables < 1 || block.words.bits_per_key < PlaceWords::kMinBits || block.words.bits_per_key > PlaceWords::kMaxBits) {
+  if (block.words.num_tables < 1 || block.words.bits_per_key < PlaceWords::kMinBits ||
+      block.words.bits_per_key > PlaceWords::kMaxBits) {
     return Broken("words that cannot be");
   }
   const uint64_t num_frames = reader.GetVarint();

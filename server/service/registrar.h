@@ -70,8 +70,8 @@ class Registrar {
   /// the map, and indexed once it has merged. When a map's frames were never loaded (after a start), they are indexed
   /// first. `doubtful`: a frame in the map that did not look like the map there, to be checked (placement_check.h).
   void OnKeyframeStored(MapId map, SessionId session, FrameId frame, bool in_map, bool doubtful = false);
-  /// The session sends no more, and is in the map: its optimization is due once its keyframes have been looked at, for a
-  /// loop comes first (DESIGN 8).
+  /// The session sends no more, and is in the map: its optimization is due once its keyframes have been looked at, for
+  /// a loop comes first (DESIGN 8).
   void OnSessionClosed(MapId map, SessionId session);
   /// Forgets the session's fragment, and the frames that were retired.
   void OnSessionQuarantined(MapId map, SessionId session, const std::vector<FrameId>& retired);

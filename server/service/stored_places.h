@@ -22,8 +22,8 @@ class StoredPlaces {
 
   /// Reads the stored blocks: frames that are in the map. Errors are the reader's.
   Status Load(MapReader& reader, const OnDamage& on_damage);
-  /// Adds a frame of the map that is not there yet; stores what is new when there is enough of it. Errors: LoadDescriptors'
-  /// and the store's.
+  /// Adds a frame of the map that is not there yet; stores what is new when there is enough of it. Errors:
+  /// LoadDescriptors' and the store's.
   Status Add(MapReader& reader, FrameId frame);
   void Remove(FrameId frame) { index_.Remove(frame.value()); }
   /// Stores what is new. Errors: the store's; what could not be stored is in the index all the same.
