@@ -40,9 +40,9 @@ struct KeyFunction {
 };
 
 void MergeInto(Entries& entries, const Entries& more) {
-  const auto middle = static_cast<ptrdiff_t>(entries.size());
-  entries.insert(entries.end(), more.begin(), more.end());
-  std::inplace_merge(entries.begin(), entries.begin() + middle, entries.end());
+  Entries merged(entries.size() + more.size());  // and no larger: entries are most of what an index holds
+  std::ranges::merge(entries, more, merged.begin());
+  entries = std::move(merged);
 }
 
 /// A run of frames. Frames that were removed or replaced keep their entries until the sweep.

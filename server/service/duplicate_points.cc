@@ -14,7 +14,8 @@
 namespace mapp {
 namespace {
 
-/// From further away no camera has depth to tell of a point.
+/// A frame that saw a point from further away goes on naming the one that has gone, which only loses it one
+/// observation: the work is bounded by the place, not by the map.
 constexpr double kMaxSightM = 50;
 
 class DuplicateSearch {
@@ -36,12 +37,15 @@ class DuplicateSearch {
     const std::optional<ProjectionAlignment> alignment =
         AlignByProjection(QueryKeyframe(view), others, frame.T_frame_camera);
     if (!alignment) return absl::OkStatus();
+    std::unordered_set<MapPointId> matched;
     for (const AlignmentMatch& match : alignment->inliers) {
       const std::optional<MapPointId>& point = view.points[static_cast<size_t>(match.feature_idx)];
       if (!point) continue;
       ++votes_[std::minmax(*point, match.point)];
-      const auto other = std::ranges::find(others, match.point, &PointRecord::id);
-      observers_[match.point].insert(other->observers.begin(), other->observers.end());
+      matched.insert(match.point);
+    }
+    for (const PointRecord& other : others) {
+      if (matched.contains(other.id)) observers_[other.id].insert(other.observers.begin(), other.observers.end());
     }
     return absl::OkStatus();
   }
@@ -185,6 +189,7 @@ Status DuplicateFusion::Run(MapWriter& writer) {
   const TileGrid grid{.edge_m = map.tile_edge_m};
   MAPP_ASSIGN_OR_RETURN(revision_, writer.NextRevision(map_));
   MAPP_RETURN_IF_ERROR(LoadPoints(writer));
+  if (points_.empty()) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, writer.FramesInBox(map_, WhereSeenFrom()));
   for (const FrameRecord& frame : frames) MAPP_RETURN_IF_ERROR(RewriteFrame(writer, frame));
   std::set<MapPointId> targets;

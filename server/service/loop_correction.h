@@ -13,7 +13,7 @@ class SessionEvents;
 class TileCache;
 
 /// Spreads what a loop tells over the way that led there: a graph of the map's poses around the session
-/// (loop_graph.h) is relaxed, and frames, and points with the frame that saw them first, go to their new places in one
+/// (loop_graph.h) is relaxed, and frames, and points with the frame that mapped them, go to their new places in one
 /// transaction, sessions that were aligned along the way included. Publishes TilesChanged to the map and
 /// SessionCorrected to the sessions that were moved.
 ///

@@ -202,9 +202,10 @@ Status GraphLoader::RememberSnapshot() {
     }
     if (newest != nullptr && indices_.contains(newest->id)) region.led_sessions.push_back(session);
   }
-  for (const auto& [id, point] : points_) {
+  for (auto& [id, point] : points_) {
     region.known_points.insert(id);
-    region.carried_points.push_back({.record = point, .frame = FirstToSee(point)});
+    const FrameId frame = FirstToSee(point);
+    region.carried_points.push_back({.record = std::move(point), .frame = frame});
   }
   return absl::OkStatus();
 }

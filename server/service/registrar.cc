@@ -137,12 +137,12 @@ StatusOr<MapState*> Registrar::Impl::StateOf(MapReader& reader, MapId map) {
     const MutexLock lock(mutex);
     must_catch_up = behind.erase(map) > 0;
   }
-  const auto [state, is_new] = maps.try_emplace(map, MapState{StoredPlaces(store, map), {}, {}, {}});
-  const auto on_damage = [this](const Status& damage) {
-    if (options.on_error) options.on_error(SessionId(), damage);
+  const auto on_trouble = [this](const Status& trouble) {
+    if (!absl::IsNotFound(trouble) && options.on_error) options.on_error(SessionId(), trouble);
   };
+  const auto [state, is_new] = maps.try_emplace(map, MapState{StoredPlaces(store, map, on_trouble), {}, {}, {}});
   if (is_new || must_catch_up) {
-    Status status = is_new ? state->second.places.Load(reader, on_damage) : absl::OkStatus();
+    Status status = is_new ? state->second.places.Load(reader) : absl::OkStatus();
     if (status.ok()) status = AddFrames(reader, map, std::nullopt, state->second);
     if (!status.ok()) {
       // Half an index would look like a whole one the next time.
@@ -414,12 +414,7 @@ void Registrar::OnSessionReleased(MapId map, SessionId session) {
 void Registrar::Shutdown() {
   impl_->stopping = true;
   impl_->worker.Stop();
-  for (auto& [map, state] : impl_->maps) {
-    const Status status = state.places.Store();
-    if (!status.ok() && !absl::IsNotFound(status) && impl_->options.on_error) {
-      impl_->options.on_error(SessionId(), status);
-    }
-  }
+  for (auto& [map, state] : impl_->maps) state.places.Store();
 }
 
 }  // namespace mapp

@@ -40,7 +40,8 @@ struct RegistrarOptions {
   std::function<void(SessionId)> on_optimization_due;
   /// Told of a session that came back to mapped ground and was corrected. May be empty; must not block.
   std::function<void(SessionId, const ClosedLoop&)> on_loop_closed;
-  /// Told of what went wrong with a session in the background: a broken packet, a disk that fails. May be empty; must
+  /// Told of what went wrong with a session in the background: a broken packet, a disk that fails; and with
+  /// SessionId() with the index of a map. May be empty; must
   /// not block. A session or map deleted in the meantime is not an error.
   std::function<void(SessionId, const Status&)> on_error;
   /// Told how long each run took. Borrowed; may be null.

@@ -26,14 +26,17 @@ class StoredPlacesTest : public ::testing::Test {
     }
   }
 
+  StoredPlaces Places() {
+    return {fixture_.store(), fixture_.map(), [this](const Status& trouble) { troubles_.push_back(trouble); }};
+  }
   void AddAll(StoredPlaces& places) {
     const auto reader = fixture_.Read();
     for (const FrameId frame : frames_) EXPECT_TRUE(places.Add(*reader, frame).ok());
   }
   /// As after a start.
   StoredPlaces Loaded() {
-    StoredPlaces places(fixture_.store(), fixture_.map());
-    const Status status = places.Load(*fixture_.Read(), [this](const Status& damage) { damages_.push_back(damage); });
+    StoredPlaces places = Places();
+    const Status status = places.Load(*fixture_.Read());
     EXPECT_TRUE(status.ok()) << status;
     return places;
   }
@@ -48,19 +51,19 @@ class StoredPlacesTest : public ::testing::Test {
   Rng rng_{5};
   SessionId session_ = fixture_.OpenSession(SyntheticRoom::DeviceCamera(), /*founder=*/true);
   std::vector<FrameId> frames_;
-  std::vector<Status> damages_;
+  std::vector<Status> troubles_;
 };
 
 TEST_F(StoredPlacesTest, AStartKnowsWhatWasStored) {
-  StoredPlaces places(fixture_.store(), fixture_.map());
+  StoredPlaces places = Places();
   AddAll(places);
   EXPECT_TRUE(Blocks().empty()) << "not for a few frames";
-  ASSERT_TRUE(places.Store().ok());
-  ASSERT_TRUE(places.Store().ok()) << "nothing new";
+  places.Store();
+  places.Store();  // nothing new
   ASSERT_EQ(Blocks().size(), 1U);
 
   const StoredPlaces loaded = Loaded();
-  EXPECT_TRUE(damages_.empty());
+  EXPECT_TRUE(troubles_.empty());
   EXPECT_EQ(loaded.index().num_frames(), frames_.size());
   EXPECT_EQ(loaded.index().num_new_frames(), 0U);
   const auto view = LoadFrame(*fixture_.Read(), frames_[2]);
@@ -69,9 +72,10 @@ TEST_F(StoredPlacesTest, AStartKnowsWhatWasStored) {
 }
 
 TEST_F(StoredPlacesTest, FramesThatHaveLeftTheMapAreLeftOut) {
-  StoredPlaces places(fixture_.store(), fixture_.map());
+  StoredPlaces places = Places();
   AddAll(places);
-  ASSERT_TRUE(places.Store().ok());
+  places.Store();
+  ASSERT_EQ(Blocks().size(), 1U);
   const Status status = fixture_.store().Write(
       {}, [&](MapWriter& writer) { return writer.SetFramePose(frames_[3], /*in_map=*/false, Pose3()); });
   ASSERT_TRUE(status.ok()) << status;
@@ -81,9 +85,10 @@ TEST_F(StoredPlacesTest, FramesThatHaveLeftTheMapAreLeftOut) {
 }
 
 TEST_F(StoredPlacesTest, ADamagedBlockIsToldAndDoneWithout) {
-  StoredPlaces places(fixture_.store(), fixture_.map());
+  StoredPlaces places = Places();
   AddAll(places);
-  ASSERT_TRUE(places.Store().ok());
+  places.Store();
+  ASSERT_EQ(Blocks().size(), 1U);
   std::string damaged = Blocks().front();
   damaged[damaged.size() / 2] ^= 1;
   const Status status =
@@ -91,8 +96,20 @@ TEST_F(StoredPlacesTest, ADamagedBlockIsToldAndDoneWithout) {
   ASSERT_TRUE(status.ok()) << status;
   const StoredPlaces loaded = Loaded();
   EXPECT_EQ(loaded.index().num_frames(), frames_.size()) << "of the whole one";
-  ASSERT_EQ(damages_.size(), 1U);
-  EXPECT_EQ(damages_[0].code(), absl::StatusCode::kDataLoss);
+  ASSERT_EQ(troubles_.size(), 1U);
+  EXPECT_EQ(troubles_[0].code(), absl::StatusCode::kDataLoss);
+}
+
+TEST_F(StoredPlacesTest, WhatCannotBeStoredIsToldAndInTheIndexAllTheSame) {
+  StoredPlaces places = Places();
+  AddAll(places);
+  const Status deleted =
+      fixture_.store().Write({}, [this](MapWriter& writer) { return writer.DeleteMap(fixture_.map()); });
+  ASSERT_TRUE(deleted.ok()) << deleted;
+  places.Store();
+  EXPECT_EQ(places.index().num_frames(), frames_.size());
+  ASSERT_EQ(troubles_.size(), 1U);
+  EXPECT_EQ(troubles_[0].code(), absl::StatusCode::kNotFound);
 }
 
 }  // namespace
