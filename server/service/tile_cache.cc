@@ -39,6 +39,9 @@ struct RevisedChange {
 struct Load {
   std::vector<RevisedChange> changes;
   bool stale = false;  ///< invalidated meanwhile: what was read may be older than that
+  bool done = false;
+  bool succeeded = false;
+  TilePtr tile;  ///< once it has succeeded
 };
 
 /// A tile in memory (`tile` null: it has no points), or one that is being loaded.
@@ -215,15 +218,16 @@ StatusOr<TilePtr> TileCache::Impl::LoadTile(const CacheKey& key, std::shared_ptr
     const MutexLock lock(mutex);
     StatusOr<bool> finished = snapshot.ok() ? FinishLoad(key, load, *snapshot) : snapshot.status();
     if (finished.ok() && !*finished) continue;
-    TilePtr tile;
     if (finished.ok()) {
-      tile = entries.at(key).tile;
+      load->tile = entries.at(key).tile;
+      load->succeeded = true;
     } else {
       Erase(key);
     }
+    load->done = true;
     load_finished.NotifyAll();
     if (!finished.ok()) return finished.status();
-    return tile;
+    return load->tile;
   }
 }
 
@@ -301,8 +305,11 @@ StatusOr<std::shared_ptr<const LoadedTile>> TileCache::GetTile(MapId map, const 
         impl_->Touch(found->second);
         return found->second.tile;
       }
-      // Another caller is loading it. Should that fail, this one tries for itself.
-      impl_->load_finished.Wait(impl_->mutex);
+      // Another caller is loading it. Should that fail, this one tries for itself. Its result is taken from the load:
+      // the entry may have been dropped again before this thread has woken.
+      const std::shared_ptr<Load> others = found->second.load;
+      while (!others->done) impl_->load_finished.Wait(impl_->mutex);
+      if (others->succeeded) return others->tile;
     }
     load = std::make_shared<Load>();
     impl_->entries[cache_key].load = load;
