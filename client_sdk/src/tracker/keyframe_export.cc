@@ -10,7 +10,8 @@ namespace {
 
 std::optional<PointReference> MakeReference(const MapPoint& point, const Pose3& T_camera_session, double min_depth_m) {
   const double z_m = (T_camera_session * point.view.p_session).z();
-  if (!(z_m > min_depth_m)) return std::nullopt;
+  // Triangulated almost in parallel, a point may come out anywhere; the service would refuse the keyframe for it.
+  if (!(z_m > min_depth_m && static_cast<float>(z_m) < kMaxPointDepthM)) return std::nullopt;
   PointReference reference;
   reference.kind = point.server_id ? PointReference::Kind::kMapPoint : PointReference::Kind::kSessionPoint;
   reference.id = point.server_id ? point.server_id->value() : point.session_id;

@@ -7,8 +7,6 @@
 namespace mapp {
 namespace {
 
-constexpr float kMaxDepthM = 10000.0F;
-
 Status ValidateFeature(const KeyframeFeature& feature, size_t idx, const Camera& camera, int num_levels) {
   const Keypoint& keypoint = feature.keypoint;
   const Eigen::Vector2d pixel(keypoint.u_px, keypoint.v_px);
@@ -26,9 +24,9 @@ Status ValidateFeature(const KeyframeFeature& feature, size_t idx, const Camera&
     return absl::InvalidArgumentError(fmt::format("keyframe.features[{}].angle: must be finite", idx));
   }
   if (!feature.point) return absl::OkStatus();
-  if (!(feature.point->depth_m > 0 && feature.point->depth_m < kMaxDepthM)) {
+  if (!(feature.point->depth_m > 0 && feature.point->depth_m < kMaxPointDepthM)) {
     return absl::InvalidArgumentError(fmt::format("keyframe.features[{}].depth_m: must be in (0, {}), got {}", idx,
-                                                  kMaxDepthM, feature.point->depth_m));
+                                                  kMaxPointDepthM, feature.point->depth_m));
   }
   if (feature.point->num_observations == 0) {
     return absl::InvalidArgumentError(fmt::format("keyframe.features[{}].num_observations: must be at least 1", idx));

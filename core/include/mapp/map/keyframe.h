@@ -51,6 +51,8 @@ struct Keyframe {
 
 /// Greatest coordinate a pose or point may have, metres (DESIGN 4).
 inline constexpr double kMaxCoordinateM = 1e6;
+/// A point's depth is less than this, metres.
+inline constexpr float kMaxPointDepthM = 10000.0F;
 
 /// INVALID_ARGUMENT naming the field: non-finite or absurd pose, too many features, depth not in (0, 10000) m,
 /// a keypoint outside the image, an octave that the feature settings do not have.
