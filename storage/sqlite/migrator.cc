@@ -1,12 +1,11 @@
 #include "storage/sqlite/migrator.h"
 
-#include "storage/sqlite/errors.h"
+#include "storage/sqlite/copy_database.h"
+#include "storage/sqlite/staged_file.h"
 
 #include <fmt/format.h>
-#include <sqlite3.h>
 
-#include <filesystem>
-#include <system_error>
+#include <memory>
 
 namespace mapp::sqlite {
 namespace {
@@ -41,27 +40,13 @@ Status CheckHashes(Connection& db, std::span<const Migration> migrations) {
   }
 }
 
-Status BackUp(Connection& db, const std::string& file, int version) {
-  const std::string target = fmt::format("{}.schema-{}.backup", file, version);
-  // Under another name until complete: a backup cut short must not look like one.
-  const std::string unfinished = target + ".unfinished";
-  std::error_code error;
-  std::filesystem::remove(unfinished, error);
-  MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> copy,
-                        Connection::Open(unfinished, Connection::Mode::kCreate, std::chrono::milliseconds(0)));
-  sqlite3_backup* backup = sqlite3_backup_init(copy->handle(), "main", db.handle(), "main");
-  if (backup == nullptr) {
-    return SqliteError(sqlite3_extended_errcode(copy->handle()), "backup before migration", copy->handle());
-  }
-  const int step_code = sqlite3_backup_step(backup, -1);
-  const int finish_code = sqlite3_backup_finish(backup);
-  if (step_code != SQLITE_DONE) {
-    return SqliteError(finish_code != SQLITE_OK ? finish_code : step_code, "backup before migration", copy->handle());
-  }
-  copy.reset();
-  std::filesystem::rename(unfinished, target, error);
-  if (error) return absl::UnavailableError(fmt::format("backup before migration: {}", error.message()));
-  return absl::OkStatus();
+Status BackUpSchema(Connection& db, const std::string& file, int version) {
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<StagedFile> copy,
+                        StagedFile::Create(fmt::format("{}.schema-{}.backup", file, version)));
+  MAPP_RETURN_IF_ERROR(copy->TakePermissions(file));
+  // Sound or not: this one only takes the migration back.
+  MAPP_RETURN_IF_ERROR(CopyDatabase({}, db, *copy, {.check = false}).status());
+  return copy->Commit(StagedFile::Existing::kReplace);
 }
 
 Status Apply(Connection& db, const Migration& migration, int64_t now_ns) {
@@ -93,7 +78,9 @@ Status Migrate(Connection& db, const std::string& file, std::span<const Migratio
                const MigrateOptions& options) {
   MAPP_ASSIGN_OR_RETURN(const int version, ReadSchemaVersion(db, migrations));
   const auto missing = migrations.subspan(static_cast<size_t>(version));
-  if (!missing.empty() && version > 0 && options.backup) MAPP_RETURN_IF_ERROR(BackUp(db, file, version));
+  if (!missing.empty() && version > 0 && options.backup) {
+    MAPP_RETURN_IF_ERROR(Annotate(BackUpSchema(db, file, version), "backup before migration"));
+  }
   for (const Migration& migration : missing) {
     Status status = Apply(db, migration, options.now_ns);
     if (!status.ok()) return Annotate(status, fmt::format("migration {}", migration.name));
