@@ -17,6 +17,8 @@ namespace {
 constexpr std::chrono::seconds kCallTimeout(10);
 /// Deleting and exporting touch everything a map holds.
 constexpr std::chrono::minutes kBulkCallTimeout(10);
+/// Any database is copied and checked by then.
+constexpr std::chrono::hours kBackupTimeout(24);
 
 Eigen::Vector3d ToVector(const v1::Point3& point) { return {point.x_m(), point.y_m(), point.z_m()}; }
 
@@ -250,6 +252,36 @@ StatusOr<MapOptimizationSummary> AdminClient::OptimizeMap(
   MAPP_RETURN_IF_ERROR(impl_->ToStatus(reader->Finish()));
   if (!summary) return BadAnswer(absl::DataLossError("no result"));
   return *summary;
+}
+
+StatusOr<Backup> AdminClient::BackUp(const std::string& to, int num_kept, const BackupObserver& on_progress,
+                                     const std::stop_token& stop) {
+  v1::BackUpRequest request;
+  request.set_to(to);
+  request.set_num_kept(static_cast<uint32_t>(num_kept));
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kBackupTimeout);
+  const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
+  const auto reader = impl_->stub->BackUp(&context, request);
+  std::optional<Backup> backup;
+  v1::BackUpResponse response;
+  while (reader->Read(&response)) {
+    if (response.has_progress()) {
+      const v1::BackUpResponse::Progress& progress = response.progress();
+      on_progress({.checking = progress.checking(),
+                   .bytes_done = static_cast<int64_t>(progress.bytes_done()),
+                   .bytes_total = static_cast<int64_t>(progress.bytes_total())});
+    } else if (response.has_result()) {
+      const v1::BackUpResponse::Result& result = response.result();
+      backup = Backup{result.file(),
+                      static_cast<int64_t>(result.num_bytes()),
+                      static_cast<int>(result.schema_version()),
+                      {result.deleted().begin(), result.deleted().end()}};
+    }
+  }
+  MAPP_RETURN_IF_ERROR(impl_->ToStatus(reader->Finish()));
+  if (!backup) return BadAnswer(absl::DataLossError("no result"));
+  return *std::move(backup);
 }
 
 }  // namespace mapp

@@ -2,6 +2,7 @@
 
 #include "cli/map_info.h"
 #include "mapp/base/status.h"
+#include "storage/sqlite/backup.h"
 
 #include <functional>
 #include <memory>
@@ -35,6 +36,9 @@ class AdminClient {
   StatusOr<MapOptimizationSummary> OptimizeMap(const std::string& name,
                                                const std::function<void(const MapOptimizationStep&)>& on_progress,
                                                const std::stop_token& stop);
+  /// Has the server write a backup on its machine (BackupOptions). CANCELLED on a stop request.
+  StatusOr<Backup> BackUp(const std::string& to, int num_kept, const BackupObserver& on_progress,
+                          const std::stop_token& stop);
 
  private:
   struct Impl;

@@ -22,6 +22,8 @@ void AddSessions(CLI::App& app, Command& chosen);
 void AddExport(CLI::App& app, Command& chosen);
 void AddRender(CLI::App& app, Command& chosen);
 void AddServerInfo(CLI::App& app, Command& chosen);
+void AddBackup(CLI::App& app, Command& chosen);
+void AddRestore(CLI::App& app, Command& chosen);
 void AddSimulate(CLI::App& app, Command& chosen);
 /// `command_line`: as typed, for the report.
 void AddEval(CLI::App& app, const std::string& command_line, Command& chosen);

@@ -48,6 +48,8 @@ int Main(int argc, char** argv) {
   AddExport(app, chosen);
   AddRender(app, chosen);
   AddServerInfo(app, chosen);
+  AddBackup(app, chosen);
+  AddRestore(app, chosen);
   AddSimulate(app, chosen);
   AddEval(app, JoinArguments(argc, argv), chosen);
   try {

@@ -1,6 +1,7 @@
 #include "cli/replay_report.h"
 
 #include "cli/text_table.h"
+#include "eval/metrics/statistics.h"
 #include "text/json_writer.h"
 
 #include <fmt/format.h>
@@ -10,11 +11,6 @@
 
 namespace mapp {
 namespace {
-
-std::optional<double> Ratio(double numerator, double denominator) {
-  if (denominator <= 0) return std::nullopt;
-  return numerator / denominator;
-}
 
 std::string Percent(std::optional<double> ratio) { return ratio ? fmt::format("{:.1f} %", 100 * *ratio) : "-"; }
 std::string Meters(std::optional<double> meters) { return meters ? fmt::format("{:.4f} m", *meters) : "-"; }

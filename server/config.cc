@@ -47,6 +47,11 @@ void AddOptions(CLI::App& app, ServerConfig& config, int& drain_seconds) {
   app.add_option("--metrics-listen", config.metrics_address, "Serve Prometheus metrics at http://HOST:PORT/metrics")
       ->envname("MAPP_METRICS_LISTEN")
       ->check(address);
+  app.add_option("--backup-dir", config.backup_folder,
+                 "Folder that mapp backup may write into; without it the server writes no backups")
+      ->envname("MAPP_BACKUP_DIR")
+      ->check(CLI::ExistingDirectory)
+      ->type_name("DIR");
   app.add_option("--drain-seconds", drain_seconds, "At SIGTERM or SIGINT: time for calls under way, in seconds")
       ->envname("MAPP_DRAIN_SECONDS")
       ->check(CLI::Range(0, 3600))

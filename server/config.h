@@ -18,6 +18,7 @@ struct ServerConfig {
   int cache_mb = 256;
   std::string log_level = "info";
   std::string metrics_address;  ///< empty: none
+  std::string backup_folder;    ///< where callers may have backups written; empty: nowhere
   std::chrono::seconds drain{10};
 };
 

@@ -1,6 +1,7 @@
 // mapp-server: the map service as a process.
 
 #include "log/log.h"
+#include "server/backup_folder.h"
 #include "server/config.h"
 #include "server/grpc_log.h"
 #include "server/rpc/prometheus_exporter.h"
@@ -55,6 +56,7 @@ void LogConfig(const ServerConfig& config) {
                          {"cache_mb", config.cache_mb},
                          {"log_level", config.log_level},
                          {"metrics_listen", config.metrics_address},
+                         {"backup_dir", config.backup_folder},
                          {"drain_seconds", config.drain.count()}});
 }
 
@@ -120,6 +122,13 @@ RpcServerOptions RpcOptions(const ServerConfig& config, const MapServiceOptions&
   options.facts.started_unix_ns =
       std::chrono::duration_cast<std::chrono::nanoseconds>(std::chrono::system_clock::now().time_since_epoch()).count();
   options.observer = observer;
+  if (!config.backup_folder.empty()) {
+    const BackupFolder folder(config.database_file, config.backup_folder);
+    options.back_up = [folder](const CallContext& context, const std::string& to, uint32_t num_kept,
+                               const BackupObserver& on_progress) {
+      return folder.BackUp(context, to, num_kept, on_progress);
+    };
+  }
   return options;
 }
 

@@ -3,8 +3,11 @@
 #include "mapp/v1/admin_service.grpc.pb.h"
 #include "server/rpc/call_runner.h"
 #include "server/service/map_service.h"
+#include "storage/sqlite/backup.h"
 
+#include <functional>
 #include <string>
+#include <utility>
 
 namespace mapp {
 
@@ -15,12 +18,16 @@ struct ServerFacts {
   int64_t started_unix_ns = 0;
 };
 
-/// The gRPC face of what operators ask of MapService.
+/// Writes a backup to `to`, a file or folder on this machine, and keeps `num_kept` there (0 = all).
+using BackUpFunction = std::function<StatusOr<Backup>(const CallContext&, const std::string& to, uint32_t num_kept,
+                                                      const BackupObserver& on_progress)>;
+
+/// The gRPC face of what operators ask of MapService and of the database file.
 class AdminServiceHandler final : public v1::AdminService::Service {
  public:
-  /// Both must outlive the handler.
-  AdminServiceHandler(MapService& service, CallRunner& runner, const ServerFacts& facts)
-      : service_(service), runner_(runner), facts_(facts) {}
+  /// Service and runner must outlive the handler. Without `back_up` BackUp is refused.
+  AdminServiceHandler(MapService& service, CallRunner& runner, const ServerFacts& facts, BackUpFunction back_up)
+      : service_(service), runner_(runner), facts_(facts), back_up_(std::move(back_up)) {}
 
   grpc::Status GetServerInfo(grpc::ServerContext* context, const v1::GetServerInfoRequest* request,
                              v1::GetServerInfoResponse* response) override;
@@ -38,11 +45,14 @@ class AdminServiceHandler final : public v1::AdminService::Service {
                          grpc::ServerWriter<v1::ExportMapResponse>* writer) override;
   grpc::Status OptimizeMap(grpc::ServerContext* context, const v1::OptimizeMapRequest* request,
                            grpc::ServerWriter<v1::OptimizeMapResponse>* writer) override;
+  grpc::Status BackUp(grpc::ServerContext* context, const v1::BackUpRequest* request,
+                      grpc::ServerWriter<v1::BackUpResponse>* writer) override;
 
  private:
   MapService& service_;
   CallRunner& runner_;
   const ServerFacts facts_;
+  const BackUpFunction back_up_;
 };
 
 }  // namespace mapp

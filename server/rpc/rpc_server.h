@@ -21,6 +21,7 @@ struct RpcServerOptions {
   int max_message_bytes = 1 << 20;
   CallRunnerOptions calls;
   ServerFacts facts;
+  BackUpFunction back_up;            ///< empty: the server writes none
   CallObserver* observer = nullptr;  ///< may be null; else must outlive the server
 };
 

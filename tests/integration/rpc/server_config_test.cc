@@ -70,6 +70,13 @@ TEST_F(ServerConfigTest, WrongUsageIsOneLineThatNamesTheOption) {
   EXPECT_THAT(Refusal({"--db", "maps.db", "--frobnicate"}), HasSubstr("--frobnicate"));
 }
 
+TEST_F(ServerConfigTest, TheBackupFolderIsThere) {
+  EXPECT_EQ(Parse({"--db", "maps.db"}).config.backup_folder, "");
+  const std::string folder = folder_.path().string();
+  EXPECT_EQ(Parse({"--db", "maps.db", "--backup-dir", folder.c_str()}).config.backup_folder, folder);
+  EXPECT_THAT(Refusal({"--db", "maps.db", "--backup-dir", "/no/such/folder"}), HasSubstr("/no/such/folder"));
+}
+
 TEST_F(ServerConfigTest, UnknownKeysInTheFileAreErrors) {
   const std::string file = ConfigFile("db = \"maps.db\"\ncash-mb = 21\n");
   EXPECT_THAT(Refusal({"--config", file.c_str()}), HasSubstr("cash-mb"));

@@ -1,0 +1,60 @@
+// Arguments of the commands that look after the database file: backup, restore.
+
+#include "cli/backup.h"
+#include "cli/commands.h"
+#include "cli/interrupt.h"
+
+#include <iostream>
+#include <memory>
+#include <unistd.h>
+
+namespace mapp {
+
+void AddBackup(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<BackupCommandOptions>();
+  CLI::App* command = app.add_subcommand("backup", "Copy a database to a file while others write it");
+  AddServer(*command, options->server);
+  AddJson(*command, options->json);
+  command->add_option("--db", options->database, "Copy this file from here instead of asking the server to")
+      ->type_name("FILE");
+  command
+      ->add_option(
+          "--to", options->to,
+          "File to write, or a folder: NAME-YYYYmmddTHHMMSSZ.db in it. A server writes on its own machine, into "
+          "its --backup-dir")
+      ->required()
+      ->type_name("PATH");
+  command->add_option("--keep", options->num_kept, "In the folder, delete older backups than this many of NAME")
+      ->check(CLI::Range(1, 1'000'000))
+      ->type_name("N");
+  command->footer("Example: mapp backup --db /var/lib/mapp/maps.db --to /var/backups/mapp --keep 14");
+  command->callback([options, &chosen] {
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunBackup(*options, watcher->token(), std::cout);
+    };
+  });
+}
+
+void AddRestore(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<RestoreCommandOptions>();
+  CLI::App* command = app.add_subcommand("restore", "Put a backup in a database's place; no server may run on it");
+  AddJson(*command, options->json);
+  command->add_option("backup", options->backup, "The backup")->required()->type_name("BACKUP");
+  command->add_option("--db", options->database, "Database to restore; one that is there is kept beside it")
+      ->required()
+      ->type_name("FILE");
+  command->add_flag("--yes", options->yes, "Do not ask");
+  command->add_flag("--dry-run", options->dry_run, "Check the backup and say what would be done");
+  command->footer(
+      "Example: mapp restore /var/backups/mapp/maps-20260131T020000Z.db --db /var/lib/mapp/maps.db --dry-run");
+  command->callback([options, &chosen] {
+    options->interactive = isatty(STDIN_FILENO) == 1;
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunRestore(*options, watcher->token(), std::cin, std::cout);
+    };
+  });
+}
+
+}  // namespace mapp
