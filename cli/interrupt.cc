@@ -1,15 +1,17 @@
 #include "cli/interrupt.h"
 
+#include "mapp/base/check.h"
+
 #include <fmt/format.h>
 
 #include <array>
+#include <atomic>
 #include <cerrno>
 #include <csignal>
 #include <cstdint>
 #include <poll.h>
 #include <string>
 #include <sys/eventfd.h>
-#include <sys/signalfd.h>
 #include <thread>
 #include <unistd.h>
 
@@ -17,6 +19,22 @@ namespace mapp {
 namespace {
 
 constexpr int kExitInterrupted = 130;  // what a shell reports for SIGINT
+constexpr std::array kSignals = {SIGINT, SIGTERM};
+
+/// The one thing that a signal handler can reach; -1 while nobody watches.
+std::atomic<int> signal_event_fd{-1};  // NOLINT(cppcoreguidelines-avoid-non-const-global-variables)
+
+void Notify(int event_fd) {
+  const uint64_t one = 1;
+  // An eventfd takes 8 bytes until its counter is about to overflow.
+  static_cast<void>(!write(event_fd, &one, sizeof(one)));
+}
+
+extern "C" void OnSignal(int) {
+  const int error = errno;
+  Notify(signal_event_fd);
+  errno = error;
+}
 
 Status ErrnoError(const std::string& operation) {
   return absl::InternalError(fmt::format("{}: error {}", operation, errno));
@@ -27,20 +45,36 @@ Status ErrnoError(const std::string& operation) {
 struct InterruptWatcher::Impl {
   int signal_fd = -1;
   int quit_fd = -1;
-  sigset_t previous_mask{};
+  size_t num_handled = 0;  // of kSignals
+  std::array<struct sigaction, kSignals.size()> previous{};
   std::stop_source source;
   std::thread thread;
 
   ~Impl() {
+    for (size_t i = 0; i < num_handled; ++i) sigaction(kSignals[i], &previous[i], nullptr);
+    signal_event_fd = -1;
     if (thread.joinable()) {
-      const uint64_t one = 1;
-      // An eventfd with a counter of 0 always takes an 8-byte write.
-      static_cast<void>(!write(quit_fd, &one, sizeof(one)));
+      Notify(quit_fd);
       thread.join();
     }
     if (signal_fd >= 0) close(signal_fd);
     if (quit_fd >= 0) close(quit_fd);
-    pthread_sigmask(SIG_SETMASK, &previous_mask, nullptr);
+  }
+
+  /// A handler, where blocking the signals and reading them from a descriptor would look simpler: libraries start
+  /// threads while the program is loaded (OpenBLAS), before anything can be blocked, and one of those would get the
+  /// signal and end the process.
+  Status HandleSignals() {
+    MAPP_CHECK(signal_event_fd == -1);  // one watcher at a time
+    signal_event_fd = signal_fd;
+    struct sigaction action {};
+    action.sa_handler = OnSignal;
+    action.sa_flags = SA_RESTART;
+    sigemptyset(&action.sa_mask);
+    for (; num_handled < kSignals.size(); ++num_handled) {
+      if (sigaction(kSignals[num_handled], &action, &previous[num_handled]) != 0) return ErrnoError("sigaction");
+    }
+    return absl::OkStatus();
   }
 
   void Run() {
@@ -49,8 +83,8 @@ struct InterruptWatcher::Impl {
       if (poll(fds.data(), fds.size(), -1) < 0 && errno != EINTR) return;
       if ((fds[1].revents & POLLIN) != 0) return;
       if ((fds[0].revents & POLLIN) == 0) continue;
-      signalfd_siginfo info{};
-      if (read(signal_fd, &info, sizeof(info)) != sizeof(info)) continue;
+      uint64_t num_signals = 0;
+      if (read(signal_fd, &num_signals, sizeof(num_signals)) != sizeof(num_signals)) continue;
       if (!source.request_stop()) _exit(kExitInterrupted);
     }
   }
@@ -63,15 +97,11 @@ std::stop_token InterruptWatcher::token() const { return impl_->source.get_token
 
 StatusOr<std::unique_ptr<InterruptWatcher>> InterruptWatcher::Create() {
   auto impl = std::make_unique<Impl>();
-  sigset_t signals;
-  sigemptyset(&signals);
-  sigaddset(&signals, SIGINT);
-  sigaddset(&signals, SIGTERM);
-  if (pthread_sigmask(SIG_BLOCK, &signals, &impl->previous_mask) != 0) return ErrnoError("blocking signals");
-  impl->signal_fd = signalfd(-1, &signals, SFD_CLOEXEC);
-  if (impl->signal_fd < 0) return ErrnoError("signalfd");
+  impl->signal_fd = eventfd(0, EFD_CLOEXEC);
+  if (impl->signal_fd < 0) return ErrnoError("eventfd");
   impl->quit_fd = eventfd(0, EFD_CLOEXEC);
   if (impl->quit_fd < 0) return ErrnoError("eventfd");
+  MAPP_RETURN_IF_ERROR(impl->HandleSignals());
   impl->thread = std::thread([raw = impl.get()] { raw->Run(); });
   return std::unique_ptr<InterruptWatcher>(new InterruptWatcher(std::move(impl)));
 }

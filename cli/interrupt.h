@@ -8,7 +8,7 @@
 namespace mapp {
 
 /// Turns SIGINT and SIGTERM into a stop request for as long as it lives; a second signal ends the process at once.
-/// Create it before any other thread: the threads that follow must inherit the blocked signals.
+/// One at a time.
 class InterruptWatcher {
  public:
   static StatusOr<std::unique_ptr<InterruptWatcher>> Create();
