@@ -34,11 +34,18 @@ class Interrupter {
 
  private:
   void Run(const CallContext& context, sqlite3* db) {
-    MutexLock lock(mutex_);
-    while (!done_) {
+    while (!WaitUntilDone()) {
       if (!context.Check().ok()) sqlite3_interrupt(db);
-      changed_.WaitUntil(mutex_, std::chrono::steady_clock::now() + kInterruptPeriod);
     }
+  }
+
+  /// False after a period without.
+  bool WaitUntilDone() {
+    MutexLock lock(mutex_);
+    const auto until = std::chrono::steady_clock::now() + kInterruptPeriod;
+    while (!done_ && changed_.WaitUntil(mutex_, until)) {
+    }
+    return done_;
   }
 
   Mutex mutex_;

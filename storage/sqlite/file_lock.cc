@@ -33,7 +33,7 @@ StatusOr<std::unique_ptr<FileLock>> FileLock::Acquire(const std::string& file) {
   if (flock(descriptor, LOCK_EX | LOCK_NB) != 0) {
     if (errno != EWOULDBLOCK) return OpenError(lock_file, errno);
     return absl::FailedPreconditionError(
-        fmt::format("{} is in use by {}; only one server can own it", file, ReadOwner(descriptor)));
+        fmt::format("{} is in use by {}; only one server can own it: stop that first", file, ReadOwner(descriptor)));
   }
   // The number only serves the message above: failing to write it must not refuse the lock.
   const std::string owner = std::to_string(getpid());

@@ -67,19 +67,12 @@ Status CheckReplaceable(const std::string& file) {
       "it is another program's, not a map database: move it away, or restore to another file");
 }
 
-/// Refused while a server has the file.
-StatusOr<std::unique_ptr<FileLock>> Own(const std::string& file) {
-  StatusOr<std::unique_ptr<FileLock>> lock = FileLock::Acquire(file);
-  if (!lock.ok()) return Annotate(lock.status(), "no server may run on what is replaced");
-  return lock;
-}
-
 Status InspectDatabase(std::chrono::system_clock::time_point now, RestorePlan* plan) {
   MAPP_ASSIGN_OR_RETURN(plan->database, ResolveFile(plan->database, /*must_exist=*/false));
   const std::string& file = plan->database;
   std::error_code error;
   // Only looks, and so makes no lock where none is.
-  if (fs::exists(file + ".lock", error)) MAPP_RETURN_IF_ERROR(Own(file).status());
+  if (fs::exists(file + ".lock", error)) MAPP_RETURN_IF_ERROR(FileLock::Acquire(file).status());
   plan->kept_as = fmt::format("{}.before-restore-{}", file, FileTimestamp(now));
   if (fs::exists(fs::symlink_status(plan->kept_as, error))) {
     return absl::AlreadyExistsError(fmt::format("what is there cannot be kept as {}: taken", plan->kept_as));
@@ -167,7 +160,7 @@ Status Restore(const CallContext& context, const RestorePlan& plan, const Restor
   int version = 0;
   const StatusOr<std::unique_ptr<sqlite::Connection>> backup = sqlite::OpenBackup(plan.backup, &version);
   if (!backup.ok()) return Annotate(backup.status(), plan.backup);
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<sqlite::FileLock> lock, sqlite::Own(plan.database));
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<sqlite::FileLock> lock, sqlite::FileLock::Acquire(plan.database));
   return Annotate(sqlite::Replace(context, plan, **backup, tell), plan.database);
 }
 
