@@ -142,6 +142,9 @@ INSTANTIATE_TEST_SUITE_P(
                    {"replay", "--device", "d", "--map", "m", "sim:room/0", "--together-with", "truth.txt"},
                    "--together-with"},
         WrongUsage{"UnknownSimulation", {"replay", "--device", "d", "--map", "m", "sim:cellar/0"}, "sim:cellar/0"},
+        WrongUsage{"BackupToNowhere", {"backup", "--db", "maps.db"}, "--to"},
+        WrongUsage{"BackupThatKeepsNone", {"backup", "--to", "x", "--keep", "0"}, "--keep"},
+        WrongUsage{"RestoreToNowhere", {"restore", "backup.db"}, "--db"},
         WrongUsage{"PictureTooSmall", {"render", "--map", "m", "--out", "x.png", "--width", "3"}, "--width"}),
     [](const auto& suite_info) { return suite_info.param.name; });
 

@@ -55,11 +55,13 @@ std::optional<double> JsonNumber(const std::string& json, const std::string& key
   return number;
 }
 
-ServerProcess::ServerProcess(const std::string& database, const TempFolder& folder, int port) {
+ServerProcess::ServerProcess(const std::string& database, const TempFolder& folder, int port,
+                             const std::vector<std::string>& more) {
   const std::string port_file = folder.File("port");
   std::filesystem::remove(port_file);
-  const std::vector<std::string> command = {
+  std::vector<std::string> command = {
       MAPP_SERVER_BINARY, "--db", database, "--listen", fmt::format("127.0.0.1:{}", port), "--port-file", port_file};
+  command.insert(command.end(), more.begin(), more.end());
   process_ = std::make_unique<Process>(command, folder.path());
   const auto deadline = std::chrono::steady_clock::now() + kServerStartTimeout;
   while (!std::filesystem::exists(port_file) && std::chrono::steady_clock::now() < deadline) {

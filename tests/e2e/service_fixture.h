@@ -30,8 +30,10 @@ std::optional<double> JsonNumber(const std::string& json, const std::string& key
 /// A real `mapp-server` on a port of its own.
 class ServerProcess {
  public:
-  /// `port` 0 takes any free one. Serves `database` from the start, or fails the present test.
-  ServerProcess(const std::string& database, const TempFolder& folder, int port = 0);
+  /// `port` 0 takes any free one; `more` arguments are appended. Serves `database` from the start, or fails the present
+  /// test.
+  ServerProcess(const std::string& database, const TempFolder& folder, int port = 0,
+                const std::vector<std::string>& more = {});
 
   /// host:port
   std::string address() const;
