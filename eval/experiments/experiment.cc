@@ -17,7 +17,7 @@ const std::vector<Experiment>& Experiments() {
       {"ate", "Trajectory error in every setting", {"garage", "plaza", "hall", "city"}, RunTrajectoryError},
       {"lookalikes", "Places that look alike: wrong merges", {"garage", "plaza", "city"}, RunLookAlikes},
       {"alike_images", "The same, rendered", {"garage"}, RunRenderedLookAlikes},
-      {"reconstruction", "Map reconstruction error against users", {"city"}, RunReconstruction},
+      {"reconstruction", "Map reconstruction error against users", {"garage", "city"}, RunReconstruction},
       {"injection", "Redundancy injection", {"garage"}, RunInjection},
       {"sharing", "Map sharing: what it saves the device", {"garage", "plaza"}, RunSharing},
       {"alpha", "Oversharing factor", {"garage"}, RunAlpha},

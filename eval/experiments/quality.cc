@@ -27,7 +27,9 @@ std::vector<double> JointErrors(const FleetFigures& fleet) {
 }
 
 /// The paper has true surfaces in the city only; so that its runs serve both experiments.
-bool IsReconstructed(const sim::SimulationOptions& world) { return world.setting == "city"; }
+bool IsReconstructed(const sim::SimulationOptions& world) {
+  return world.setting == "city" || world.setting == "garage";
+}
 
 double NumAligned(const FleetFigures& fleet) {
   return static_cast<double>(Collect(fleet, "aligned_at_keyframe").size());
@@ -109,13 +111,12 @@ StatusOr<ExperimentResult> RunTrajectoryError(EvalContext& context) {
   return result;
 }
 
-StatusOr<ExperimentResult> RunReconstruction(EvalContext& context) {
-  const sim::SimulationOptions world = SettingWorld(context, "city");
-  ExperimentResult result;
-  result.setup = Describe(FleetOf(world, Level::kFeatures, "depth_sketch"));
+namespace {
+
+StatusOr<ResultTable> MeasureReconstructions(EvalContext& context, const sim::SimulationOptions& world) {
   ResultTable table;
-  table.id = "reconstruction_city";
-  table.title = "Distance of the map's points to the true surfaces, RMSE, m";
+  table.id = "reconstruction_" + world.setting;
+  table.title = "Distance of the map's points to the true surfaces, RMSE, m (" + world.setting + ")";
   table.columns = {{"users", 0},
                    {"upload all", 3},
                    {"depth sketch", 3},
@@ -135,7 +136,19 @@ StatusOr<ExperimentResult> RunReconstruction(EvalContext& context) {
     table.rows.push_back({static_cast<double>(user + 1), a->distance_m.rms, s->distance_m.rms, s->distance_m.median,
                           static_cast<double>(a->distance_m.count), static_cast<double>(s->distance_m.count)});
   }
-  result.tables.push_back(std::move(table));
+  return table;
+}
+
+}  // namespace
+
+StatusOr<ExperimentResult> RunReconstruction(EvalContext& context) {
+  ExperimentResult result;
+  for (const std::string& setting : context.Chosen({"garage", "city"})) {
+    const sim::SimulationOptions world = SettingWorld(context, setting);
+    result.setup += Describe(FleetOf(world, Level::kFeatures, "depth_sketch")) + " ";
+    MAPP_ASSIGN_OR_RETURN(ResultTable table, MeasureReconstructions(context, world));
+    result.tables.push_back(std::move(table));
+  }
   result.paper = "With 20 users the error of Map++ is 0.03 m above that of Covins; both grow with the users.";
   return result;
 }
