@@ -54,6 +54,14 @@ class MapReader {
   virtual StatusOr<std::optional<TileBlob>> GetTileBlob(MapId map, const TileKey& tile) = 0;
   /// What the place index stored of the map, in that order. It is for its reader to check (vision/place_block.h).
   virtual StatusOr<std::vector<std::string>> ListPlaceBlocks(MapId map) = 0;
+
+  /// The map's revisions in [first, last], ascending. A change that made none (a session was opened) is not listed.
+  virtual StatusOr<std::vector<RevisionRecord>> ListRevisions(MapId map, Revision first, Revision last) = 0;
+  /// By name.
+  virtual StatusOr<std::vector<TagRecord>> ListTags(MapId map) = 0;
+  /// How the map at `to` differs from the map at `from`, by session; sessions without a difference are left out.
+  /// INVALID_ARGUMENT when from > to; OUT_OF_RANGE as ReadAsOf.
+  virtual StatusOr<std::vector<SessionDiff>> DiffRevisions(MapId map, Revision from, Revision to) = 0;
 };
 
 /// Reads and changes inside one transaction; reads see the changes made so far.
@@ -75,6 +83,14 @@ class MapWriter : public MapReader {
 
   /// Revision of this transaction for `map`: the map's next one, the same however often it is asked in one Write.
   virtual StatusOr<Revision> NextRevision(MapId map) = 0;
+  /// What ListRevisions says of this transaction's revision of `map`. Without it, InsertFrame's session is noted with
+  /// kKeyframe. The last call counts; kUnknown is INVALID_ARGUMENT.
+  virtual Status SetCause(MapId map, RevisionCause cause, std::optional<SessionId> session) = 0;
+  /// Names a revision; an existing tag of that name moves. INVALID_ARGUMENT: an empty name, or one that is a number.
+  /// OUT_OF_RANGE as ReadAsOf.
+  virtual Status PutTag(MapId map, const std::string& name, Revision revision) = 0;
+  /// NOT_FOUND: no such tag.
+  virtual Status DeleteTag(MapId map, const std::string& name) = 0;
 
   /// Appends the packet to the keyframe log and the frame to the map, with `observations`. Id and `created` are set by
   /// the store. ALREADY_EXISTS when (session, number) is stored.
@@ -107,6 +123,13 @@ class MapStore {
 
   /// An immutable view of the last commit; never blocks the writer. Keep it short: it pins the write-ahead log.
   virtual StatusOr<std::unique_ptr<MapReader>> Read() = 0;
+
+  /// One map as it was at `revision`, with what was changed at it without a revision of its own: the last state that
+  /// had this number. Other maps, and what came later, do not exist for the reader. As they are now: a point's
+  /// counters, descriptor and direction where they changed in place (see TouchPoint), place blocks, tags; a tile's
+  /// revision is at most `revision`. NOT_FOUND: no such map. OUT_OF_RANGE: it has no such revision, or it has been
+  /// compacted away.
+  virtual StatusOr<std::unique_ptr<MapReader>> ReadAsOf(MapId map, Revision revision) = 0;
 
   /// Runs `change` on the writer thread and returns when it is durable. Changes that wait together share one commit;
   /// each sees those before it; one that returns an error is undone alone and its error returned. `on_commit`, if

@@ -34,6 +34,8 @@ struct MapRecord {
   int64_t num_sessions = 0;
   /// Of all its sessions; from the one that created it.
   FeatureSettings features = {};
+  /// The oldest one that ReadAsOf still gives.
+  Revision oldest_revision = {};
 };
 
 struct CameraRecord {
@@ -117,6 +119,41 @@ struct TileRecord {
   TileKey key;
   Revision revision;  ///< of the last commit that changed its content
   int64_t num_points = 0;
+};
+
+/// What a revision was made for. The values are stored.
+enum class RevisionCause : uint8_t {
+  kUnknown = 0,  ///< made before causes were kept
+  kKeyframe = 1,
+  kAlignment = 2,  ///< a fragment has entered the map
+  kLoop = 3,
+  kOptimization = 4,
+  kFusion = 5,  ///< points that turned out to be one
+  kRescaling = 6,
+  kRetirement = 7,  ///< of what a quarantined session had brought
+};
+
+struct RevisionRecord {
+  Revision revision;
+  int64_t committed_ns = 0;  ///< Unix time
+  RevisionCause cause = RevisionCause::kUnknown;
+  std::optional<SessionId> session;  ///< whose keyframe, alignment, ... it was
+};
+
+/// An operator's name for a revision.
+struct TagRecord {
+  std::string name;
+  Revision revision;
+  int64_t created_ns = 0;  ///< Unix time
+};
+
+/// How the map differs between two revisions in what one session has brought. A frame or point that entered the map
+/// counts as added, one that left it as removed.
+struct SessionDiff {
+  SessionId session;
+  int64_t frames_added = 0, frames_moved = 0, frames_removed = 0;
+  int64_t points_added = 0, points_moved = 0, points_removed = 0;
+  friend bool operator==(const SessionDiff&, const SessionDiff&) = default;
 };
 
 /// An encoded tile and the revision whose content it holds.

@@ -41,6 +41,9 @@ constexpr const char* kDeleteMapStatements[] = {
     "DELETE FROM keyframe_log WHERE session_id IN (SELECT session_id FROM sessions WHERE map_id = ?1)",
     "DELETE FROM revisions WHERE map_id = ?1",
     "DELETE FROM place_blocks WHERE map_id = ?1",
+    "DELETE FROM tags WHERE map_id = ?1",
+    "DELETE FROM map_history WHERE map_id = ?1",
+    "DELETE FROM session_history WHERE session_id IN (SELECT session_id FROM sessions WHERE map_id = ?1)",
 };
 
 /// The sessions go last but one, together with the cameras that nobody else uses.
@@ -133,12 +136,14 @@ Status DeleteMap(Connection& db, ChangeLedger& ledger, MapId map) {
   return db.Prepare("DELETE FROM maps WHERE map_id = ?").Bind(map).Run();
 }
 
-Status SetFounder(Connection& db, MapId map, SessionId founder) {
+Status SetFounder(Connection& db, ChangeLedger& ledger, MapId map, SessionId founder) {
+  MAPP_RETURN_IF_ERROR(ledger.ReviseMap(map));
   Statement update = db.Prepare("UPDATE maps SET founder_session_id = ? WHERE map_id = ? RETURNING 1");
   return RunOnOneRow(update.Bind(founder, map), NoSuchMap(map));
 }
 
-Status SetMetricScale(Connection& db, MapId map, bool has_metric_scale) {
+Status SetMetricScale(Connection& db, ChangeLedger& ledger, MapId map, bool has_metric_scale) {
+  MAPP_RETURN_IF_ERROR(ledger.ReviseMap(map));
   Statement update = db.Prepare("UPDATE maps SET has_metric_scale = ? WHERE map_id = ? RETURNING 1");
   return RunOnOneRow(update.Bind(has_metric_scale, map), NoSuchMap(map));
 }
@@ -164,13 +169,15 @@ StatusOr<SessionId> InsertSession(Connection& db, ChangeLedger& ledger, const Se
           .Bind(session.map, session.camera, session.device, static_cast<int>(session.sensor), ledger.now_ns())
           .Run());
   const SessionId id(static_cast<uint64_t>(db.last_insert_id()));
+  MAPP_RETURN_IF_ERROR(ledger.OpenSession(session.map, id));
   SessionRecord inserted = session;
   inserted.id = id;
-  MAPP_RETURN_IF_ERROR(UpdateSession(db, inserted));
+  MAPP_RETURN_IF_ERROR(UpdateSession(db, ledger, inserted));
   return id;
 }
 
-Status UpdateSession(Connection& db, const SessionRecord& session) {
+Status UpdateSession(Connection& db, ChangeLedger& ledger, const SessionRecord& session) {
+  MAPP_RETURN_IF_ERROR(ledger.ReviseSession(session.id));
   Statement update = db.Prepare(
       "UPDATE sessions SET closed_ns = ?, aligned_at_keyframe = ?, optimized_revision = ?, tx_m = ?, ty_m = ?, "
       "tz_m = ?, qw = ?, qx = ?, qy = ?, qz = ?, quarantined_ns = ?, quarantine_reason = ?, quarantine_released_ns = "

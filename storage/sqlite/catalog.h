@@ -22,10 +22,10 @@ StatusOr<CameraRecord> GetCamera(Connection& db, CameraId camera);
 
 StatusOr<MapId> CreateMap(Connection& db, ChangeLedger& ledger, const MapRecord& map);
 Status DeleteMap(Connection& db, ChangeLedger& ledger, MapId map);
-Status SetFounder(Connection& db, MapId map, SessionId founder);
-Status SetMetricScale(Connection& db, MapId map, bool has_metric_scale);
+Status SetFounder(Connection& db, ChangeLedger& ledger, MapId map, SessionId founder);
+Status SetMetricScale(Connection& db, ChangeLedger& ledger, MapId map, bool has_metric_scale);
 StatusOr<CameraId> InsertCamera(Connection& db, const Camera& camera);
 StatusOr<SessionId> InsertSession(Connection& db, ChangeLedger& ledger, const SessionRecord& session);
-Status UpdateSession(Connection& db, const SessionRecord& session);
+Status UpdateSession(Connection& db, ChangeLedger& ledger, const SessionRecord& session);
 
 }  // namespace mapp::sqlite

@@ -22,4 +22,9 @@ StatusOr<std::vector<TileRecord>> Change::ListTiles(MapId map, const std::option
   return MapReads::ListTiles(map, box_map);
 }
 
+StatusOr<std::vector<SessionDiff>> Change::DiffRevisions(MapId map, Revision from, Revision to) {
+  MAPP_RETURN_IF_ERROR(ledger_.Flush());
+  return MapReads::DiffRevisions(map, from, to);
+}
+
 }  // namespace mapp::sqlite

@@ -22,19 +22,27 @@ class Change final : public MapReads<MapWriter> {
   StatusOr<MapRecord> FindMap(const std::string& name) override;
   StatusOr<MapRecord> GetMap(MapId map) override;
   StatusOr<std::vector<TileRecord>> ListTiles(MapId map, const std::optional<Aabb>& box_map) override;
+  StatusOr<std::vector<SessionDiff>> DiffRevisions(MapId map, Revision from, Revision to) override;
 
   StatusOr<MapId> CreateMap(const MapRecord& map) override { return sqlite::CreateMap(db_, ledger_, map); }
   Status DeleteMap(MapId map) override { return sqlite::DeleteMap(db_, ledger_, map); }
-  Status SetFounder(MapId map, SessionId founder) override { return sqlite::SetFounder(db_, map, founder); }
+  Status SetFounder(MapId map, SessionId founder) override { return sqlite::SetFounder(db_, ledger_, map, founder); }
   Status SetMetricScale(MapId map, bool has_metric_scale) override {
-    return sqlite::SetMetricScale(db_, map, has_metric_scale);
+    return sqlite::SetMetricScale(db_, ledger_, map, has_metric_scale);
   }
   StatusOr<CameraId> InsertCamera(const Camera& camera) override { return sqlite::InsertCamera(db_, camera); }
   StatusOr<SessionId> InsertSession(const SessionRecord& session) override {
     return sqlite::InsertSession(db_, ledger_, session);
   }
-  Status UpdateSession(const SessionRecord& session) override { return sqlite::UpdateSession(db_, session); }
+  Status UpdateSession(const SessionRecord& session) override { return sqlite::UpdateSession(db_, ledger_, session); }
   StatusOr<Revision> NextRevision(MapId map) override { return ledger_.NextRevision(map); }
+  Status SetCause(MapId map, RevisionCause cause, std::optional<SessionId> session) override {
+    return ledger_.SetCause(map, cause, session);
+  }
+  Status PutTag(MapId map, const std::string& name, Revision revision) override {
+    return sqlite::PutTag(db_, ledger_, map, name, revision);
+  }
+  Status DeleteTag(MapId map, const std::string& name) override { return sqlite::DeleteTag(db_, map, name); }
 
   StatusOr<FrameId> InsertFrame(const FrameRecord& frame, const std::string& packet,
                                 std::span<const Observation> observations) override {

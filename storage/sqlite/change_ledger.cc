@@ -11,6 +11,9 @@ namespace {
 /// Tile indices lie in [-kTileIndexLimit, kTileIndexLimit): what TileKey::Packed can hold.
 constexpr double kTileIndexLimit = 1 << 20;
 
+/// Stands for the revision that ends an archived version until the end of the change. Greater than any.
+constexpr int64_t kOpenEnd = INT64_MAX;
+
 }  // namespace
 
 StatusOr<ChangeLedger::MapEntry*> ChangeLedger::Entry(MapId map) {
@@ -60,8 +63,51 @@ Status ChangeLedger::AddSessions(MapId map, int64_t count) {
 
 Status ChangeLedger::AttributeTo(MapId map, SessionId session) {
   MAPP_ASSIGN_OR_RETURN(MapEntry * entry, Entry(map));
+  if (entry->cause != RevisionCause::kUnknown) return absl::OkStatus();
+  entry->cause = RevisionCause::kKeyframe;
   entry->session = session;
   return absl::OkStatus();
+}
+
+Status ChangeLedger::SetCause(MapId map, RevisionCause cause, std::optional<SessionId> session) {
+  if (cause == RevisionCause::kUnknown) return absl::InvalidArgumentError("cause: must be a known one");
+  MAPP_ASSIGN_OR_RETURN(MapEntry * entry, Entry(map));
+  entry->cause = cause;
+  entry->session = session;
+  return absl::OkStatus();
+}
+
+Status ChangeLedger::OpenSession(MapId map, SessionId session) {
+  MAPP_RETURN_IF_ERROR(Entry(map).status());
+  sessions_[session] = map;
+  revised_sessions_[session] = true;
+  return absl::OkStatus();
+}
+
+Status ChangeLedger::ReviseSession(SessionId session) {
+  MAPP_ASSIGN_OR_RETURN(const MapId map, MapOfSession(session));
+  MAPP_RETURN_IF_ERROR(Entry(map).status());
+  if (!revised_sessions_.emplace(session, false).second) return absl::OkStatus();
+  return db_
+      .Prepare(
+          "INSERT INTO session_history (session_id, created_revision, retired_revision, closed_ns, "
+          "aligned_at_keyframe, optimized_revision, tx_m, ty_m, tz_m, qw, qx, qy, qz, scale_map_session, "
+          "quarantined_ns, quarantine_reason, quarantine_released_ns) SELECT session_id, state_revision, ?, closed_ns, "
+          "aligned_at_keyframe, optimized_revision, tx_m, ty_m, tz_m, qw, qx, qy, qz, scale_map_session, "
+          "quarantined_ns, quarantine_reason, quarantine_released_ns FROM sessions WHERE session_id = ?")
+      .Bind(kOpenEnd, session)
+      .Run();
+}
+
+Status ChangeLedger::ReviseMap(MapId map) {
+  MAPP_ASSIGN_OR_RETURN(MapEntry * entry, Entry(map));
+  if (std::exchange(entry->revised, true)) return absl::OkStatus();
+  return db_
+      .Prepare(
+          "INSERT INTO map_history (map_id, created_revision, retired_revision, founder_session_id, has_metric_scale) "
+          "SELECT map_id, state_revision, ?, founder_session_id, has_metric_scale FROM maps WHERE map_id = ?")
+      .Bind(kOpenEnd, map)
+      .Run();
 }
 
 StatusOr<int64_t> ChangeLedger::TileAt(MapId map, const Eigen::Vector3d& p_map) {
@@ -114,6 +160,7 @@ Status ChangeLedger::ChangeTile(MapId map, int64_t tile_id, int64_t num_points) 
 
 void ChangeLedger::Forget(MapId map) {
   maps_.erase(map);
+  std::erase_if(revised_sessions_, [this, map](const auto& entry) { return sessions_[entry.first] == map; });
   std::erase_if(sessions_, [map](const auto& entry) { return entry.second == map; });
   std::erase_if(tile_ids_, [map](const auto& entry) { return entry.first.first == map; });
   std::erase_if(tiles_, [map](const auto& entry) { return entry.second.map == map; });
@@ -133,11 +180,10 @@ Status ChangeLedger::FlushTiles() {
 
 Status ChangeLedger::FlushMaps() {
   for (auto& [map, entry] : maps_) {
-    const uint64_t revision = entry.base.value() + (entry.next_taken ? 1 : 0);
     MAPP_RETURN_IF_ERROR(
         db_.Prepare("UPDATE maps SET revision = ?, num_frames = num_frames + ?, num_points = num_points + ?, "
                     "num_sessions = num_sessions + ? WHERE map_id = ?")
-            .Bind(revision, std::exchange(entry.frames, 0), std::exchange(entry.points, 0),
+            .Bind(entry.After(), std::exchange(entry.frames, 0), std::exchange(entry.points, 0),
                   std::exchange(entry.sessions, 0), map)
             .Run());
   }
@@ -151,13 +197,48 @@ Status ChangeLedger::Flush() {
   return db_.Prepare("UPDATE id_sequences SET next_id = ? WHERE name = 'point'").Bind(*next_point_id_).Run();
 }
 
+Status ChangeLedger::FinishVersions() {
+  // A version that begins and ends in one revision could never be read: it leaves no history.
+  for (const auto& [session, is_new] : revised_sessions_) {
+    const Revision revision = maps_.at(sessions_.at(session)).After();
+    MAPP_RETURN_IF_ERROR(db_.Prepare("DELETE FROM session_history WHERE session_id = ? AND created_revision = ? AND "
+                                     "retired_revision = ?")
+                             .Bind(session, revision, kOpenEnd)
+                             .Run());
+    MAPP_RETURN_IF_ERROR(
+        db_.Prepare("UPDATE session_history SET retired_revision = ? WHERE session_id = ? AND retired_revision = ?")
+            .Bind(revision, session, kOpenEnd)
+            .Run());
+    MAPP_RETURN_IF_ERROR(
+        db_.Prepare("UPDATE sessions SET state_revision = ?1, opened_revision = iif(?2, ?1, opened_revision) WHERE "
+                    "session_id = ?3")
+            .Bind(revision, is_new, session)
+            .Run());
+  }
+  for (const auto& [map, entry] : maps_) {
+    if (!entry.revised) continue;
+    MAPP_RETURN_IF_ERROR(
+        db_.Prepare("DELETE FROM map_history WHERE map_id = ? AND created_revision = ? AND retired_revision = ?")
+            .Bind(map, entry.After(), kOpenEnd)
+            .Run());
+    MAPP_RETURN_IF_ERROR(
+        db_.Prepare("UPDATE map_history SET retired_revision = ? WHERE map_id = ? AND retired_revision = ?")
+            .Bind(entry.After(), map, kOpenEnd)
+            .Run());
+    MAPP_RETURN_IF_ERROR(
+        db_.Prepare("UPDATE maps SET state_revision = ? WHERE map_id = ?").Bind(entry.After(), map).Run());
+  }
+  return absl::OkStatus();
+}
+
 Status ChangeLedger::Finish() {
   MAPP_RETURN_IF_ERROR(Flush());
+  MAPP_RETURN_IF_ERROR(FinishVersions());
   for (const auto& [map, entry] : maps_) {
     if (!entry.next_taken) continue;
     MAPP_RETURN_IF_ERROR(
-        db_.Prepare("INSERT INTO revisions (map_id, revision, committed_ns, session_id) VALUES (?, ?, ?, ?)")
-            .Bind(map, entry.base.value() + 1, now_ns_, entry.session)
+        db_.Prepare("INSERT INTO revisions (map_id, revision, committed_ns, cause, session_id) VALUES (?, ?, ?, ?, ?)")
+            .Bind(map, entry.After(), now_ns_, static_cast<int>(entry.cause), entry.session)
             .Run());
   }
   return absl::OkStatus();

@@ -3,6 +3,7 @@
 #include "mapp/base/id.h"
 #include "mapp/base/status.h"
 #include "mapp/map/tile.h"
+#include "storage/records.h"
 #include "storage/sqlite/connection.h"
 
 #include <cstdint>
@@ -29,8 +30,16 @@ class ChangeLedger {
 
   Status AddFrames(MapId map, int64_t count);
   Status AddSessions(MapId map, int64_t count);
-  /// Notes in the map's next revision that `session` has brought a keyframe.
+  /// Notes in the map's next revision that `session` has brought a keyframe, unless a cause is set.
   Status AttributeTo(MapId map, SessionId session);
+  Status SetCause(MapId map, RevisionCause cause, std::optional<SessionId> session);
+
+  /// The session has just been inserted.
+  Status OpenSession(MapId map, SessionId session);
+  /// The session's row, or the map's founder or scale, is about to be changed: what it was becomes history, up to the
+  /// map's revision after this change.
+  Status ReviseSession(SessionId session);
+  Status ReviseMap(MapId map);
 
   /// Row of the tile that holds `p_map`, made when there is none. INVALID_ARGUMENT outside of the tiling.
   StatusOr<int64_t> TileAt(MapId map, const Eigen::Vector3d& p_map);
@@ -51,7 +60,10 @@ class ChangeLedger {
     double tile_edge_m = 0;
     bool next_taken = false;  ///< the change makes a revision
     int64_t frames = 0, points = 0, sessions = 0;
+    RevisionCause cause = RevisionCause::kUnknown;
     std::optional<SessionId> session;
+    bool revised = false;
+    Revision After() const { return Revision(base.value() + (next_taken ? 1 : 0)); }
   };
   struct TileEntry {
     MapId map;
@@ -63,11 +75,14 @@ class ChangeLedger {
   StatusOr<int64_t> InsertTile(MapId map, const TileKey& key, double tile_edge_m);
   Status FlushTiles();
   Status FlushMaps();
+  /// Ends the versions that were archived, with the revision that is certain only now.
+  Status FinishVersions();
 
   Connection& db_;
   int64_t now_ns_;
   std::unordered_map<MapId, MapEntry> maps_;
   std::unordered_map<SessionId, MapId> sessions_;
+  std::map<SessionId, bool> revised_sessions_;  ///< true: opened by this change
   std::map<std::pair<MapId, TileKey>, int64_t> tile_ids_;
   std::unordered_map<int64_t, TileEntry> tiles_;  ///< by tile_id
   std::optional<int64_t> next_point_id_;

@@ -5,6 +5,7 @@
 #include "storage/sqlite/frames.h"
 #include "storage/sqlite/place_blocks.h"
 #include "storage/sqlite/points.h"
+#include "storage/sqlite/revisions.h"
 #include "storage/sqlite/tiles.h"
 
 #include <optional>
@@ -67,6 +68,14 @@ class MapReads : public Interface {
     return sqlite::GetTileBlob(db_, map, tile);
   }
   StatusOr<std::vector<std::string>> ListPlaceBlocks(MapId map) override { return sqlite::ListPlaceBlocks(db_, map); }
+
+  StatusOr<std::vector<RevisionRecord>> ListRevisions(MapId map, Revision first, Revision last) override {
+    return sqlite::ListRevisions(db_, map, first, last);
+  }
+  StatusOr<std::vector<TagRecord>> ListTags(MapId map) override { return sqlite::ListTags(db_, map); }
+  StatusOr<std::vector<SessionDiff>> DiffRevisions(MapId map, Revision from, Revision to) override {
+    return sqlite::DiffRevisions(db_, map, from, to);
+  }
 
  protected:
   Connection& db_;

@@ -66,8 +66,8 @@ StatusOr<std::optional<MapPointId>> FollowFusion(Connection& db, MapPointId reti
   for (;;) {
     // A point fuses into one that lives, so a chain never meets itself.
     Statement query = db.Prepare(
-        "SELECT h.fused_into, p.point_id IS NOT NULL FROM point_history h LEFT JOIN points p "
-        "ON p.point_id = h.fused_into WHERE h.point_id = ? ORDER BY h.created_revision DESC LIMIT 1");
+        "SELECT h.fused_into, EXISTS (SELECT 1 FROM points p WHERE p.point_id = h.fused_into) FROM point_history h "
+        "WHERE h.point_id = ? ORDER BY h.created_revision DESC LIMIT 1");
     MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(point).Step());
     if (!has_row || query.IsNull(0)) return std::nullopt;
     point = query.GetId<MapPointId>(0);
@@ -106,7 +106,7 @@ StatusOr<std::vector<std::optional<MapPointId>>> FindSessionPoints(Connection& d
   std::vector<std::optional<MapPointId>> found;
   found.reserve(session_points.size());
   Statement query = db.Prepare(
-      "SELECT s.point_id, p.point_id IS NOT NULL FROM session_points s LEFT JOIN points p ON p.point_id = s.point_id "
+      "SELECT s.point_id, EXISTS (SELECT 1 FROM points p WHERE p.point_id = s.point_id) FROM session_points s "
       "WHERE s.session_id = ? AND s.session_point = ? ORDER BY s.point_id DESC LIMIT 1");
   for (const uint64_t session_point : session_points) {
     MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Reset().Bind(session, session_point).Step());

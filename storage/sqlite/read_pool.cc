@@ -1,5 +1,6 @@
 #include "storage/sqlite/read_pool.h"
 
+#include "storage/sqlite/as_of.h"
 #include "storage/sqlite/database_file.h"
 #include "storage/sqlite/map_reads.h"
 
@@ -25,11 +26,34 @@ class SnapshotReader final : public MapReads<MapReader> {
   std::unique_ptr<Transaction> snapshot_;
 };
 
+/// A reader of an earlier revision: its connection shows nothing else and is closed with it.
+class AsOfReader final : public MapReads<MapReader> {
+ public:
+  AsOfReader(std::unique_ptr<Connection> connection, std::unique_ptr<Transaction> snapshot)
+      : MapReads(*connection), connection_(std::move(connection)), snapshot_(std::move(snapshot)) {}
+
+ private:
+  std::unique_ptr<Connection> connection_;
+  std::unique_ptr<Transaction> snapshot_;
+};
+
 StatusOr<std::unique_ptr<MapReader>> ReadPool::OpenReader() {
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> connection, Borrow());
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Transaction> snapshot,
                         Transaction::Begin(*connection, Transaction::Kind::kSnapshot));
   return std::make_unique<SnapshotReader>(shared_from_this(), std::move(connection), std::move(snapshot));
+}
+
+StatusOr<std::unique_ptr<MapReader>> ReadPool::OpenReaderAsOf(MapId map, Revision revision) {
+  {
+    const MutexLock lock(mutex_);
+    if (closed_) return absl::UnavailableError("map database is closed");
+  }
+  MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> connection, OpenForReading(file_, options_));
+  MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Transaction> snapshot,
+                        Transaction::Begin(*connection, Transaction::Kind::kSnapshot));
+  MAPP_RETURN_IF_ERROR(ShowAsOf(*connection, map, revision));
+  return std::make_unique<AsOfReader>(std::move(connection), std::move(snapshot));
 }
 
 void ReadPool::Close() {

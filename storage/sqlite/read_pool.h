@@ -20,6 +20,8 @@ class ReadPool : public std::enable_shared_from_this<ReadPool> {
 
   /// A reader on a snapshot taken now; gives its connection back when destroyed. UNAVAILABLE once closed.
   StatusOr<std::unique_ptr<MapReader>> OpenReader();
+  /// As OpenReader, of one map at an earlier revision (MapStore::ReadAsOf).
+  StatusOr<std::unique_ptr<MapReader>> OpenReaderAsOf(MapId map, Revision revision);
   /// Closes the idle connections; those in use are closed when they come back.
   void Close();
 

@@ -52,6 +52,7 @@ StatusOr<MapRecord> ReadMap(const Statement& row) {
                   .num_levels = static_cast<int>(row.Int64(12)),
                   .patch_size_px = static_cast<int>(row.Int64(13))};
   map.has_metric_scale = row.Int64(14) != 0;
+  map.oldest_revision = row.GetId<Revision>(15);
   if (!(map.tile_edge_m > 0)) {
     return absl::DataLossError(fmt::format("map {}: tile edge {} m is not positive", map.id.value(), map.tile_edge_m));
   }

@@ -10,7 +10,7 @@
 #define MAPP_MAP_COLUMNS                                                                                        \
   "map_id, name, created_ns, revision, tile_edge_m, cone_range_m, founder_session_id, num_frames, num_points, " \
   "num_sessions, feature_descriptor, feature_scale_factor, feature_num_levels, feature_patch_size_px, "         \
-  "has_metric_scale"
+  "has_metric_scale, oldest_revision"
 #define MAPP_SESSION_COLUMNS                                                                   \
   "session_id, map_id, device, camera_id, sensor, opened_ns, closed_ns, aligned_at_keyframe, " \
   "optimized_revision, num_keyframes, num_upload_bytes, tx_m, ty_m, tz_m, qw, qx, qy, qz, "    \

@@ -20,6 +20,9 @@ class SqliteMapStore final : public MapStore {
   }
 
   StatusOr<std::unique_ptr<MapReader>> Read() override { return readers_->OpenReader(); }
+  StatusOr<std::unique_ptr<MapReader>> ReadAsOf(MapId map, Revision revision) override {
+    return readers_->OpenReaderAsOf(map, revision);
+  }
 
   Status Write(const CallContext& context, std::function<Status(MapWriter&)> change,
                std::function<void()> on_commit) override {
