@@ -188,7 +188,7 @@ int Run(const std::string& sequence_name) {
   share.Print("RequestSharedMap, whole (in the server)");
   share_rpc.Print("RequestSharedMap over gRPC, decoded by the device");
   echo_packet.Print("bare gRPC echo of a keyframe packet");
-  const MapRecord map = ValueOrExit(service->GetMap(context, "bench"), "get the map");
+  const MapRecord map = ValueOrExit(service->GetMap(context, "bench", ""), "get the map").record;
   std::printf("map: %ld frames, %ld points; packet at most %zu bytes; shared map %zu bytes\n",
               static_cast<long>(map.num_frames), static_cast<long>(map.num_points), packet_bytes, shared_bytes);
   rpc->Shutdown(std::chrono::seconds(1));

@@ -8,7 +8,9 @@
 #include <grpcpp/create_channel.h>
 
 #include <algorithm>
+#include <cctype>
 #include <chrono>
+#include <string_view>
 #include <tuple>
 
 namespace mapp {
@@ -76,6 +78,21 @@ StatusOr<MapFrameSummary> ToSummary(const v1::ExportedFrame& exported) {
 
 MapPointSummary ToSummary(const v1::ExportedPoint& exported) {
   return {ToVector(exported.position_map()), exported.num_observations(), exported.confidence(), exported.session_id()};
+}
+
+/// REVISION_CAUSE_LOOP is "loop".
+std::string NameOf(v1::RevisionCause cause) {
+  if (!v1::RevisionCause_IsValid(cause) || cause == v1::REVISION_CAUSE_UNSPECIFIED) return "unknown";
+  constexpr std::string_view kPrefix = "REVISION_CAUSE_";
+  std::string name = v1::RevisionCause_Name(cause).substr(kPrefix.size());
+  std::ranges::transform(name, name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  return name;
+}
+
+std::vector<TagSummary> ToSummaries(const google::protobuf::RepeatedPtrField<v1::Tag>& tags) {
+  std::vector<TagSummary> summaries;
+  for (const v1::Tag& tag : tags) summaries.push_back({tag.name(), tag.revision(), tag.created_unix_ns()});
+  return summaries;
 }
 
 /// A server's own answer that fails validation is not the caller's fault.
@@ -150,11 +167,12 @@ StatusOr<std::vector<MapSummary>> AdminClient::ListMaps() {
   return maps;
 }
 
-StatusOr<MapSummary> AdminClient::GetMap(const std::string& name) {
+StatusOr<MapSummary> AdminClient::GetMap(const std::string& name, const std::string& at) {
   v1::GetMapRequest request;
   request.set_name(name);
+  request.set_at(at);
   MAPP_ASSIGN_OR_RETURN(const v1::GetMapResponse response,
-                        impl_->Call(&v1::AdminService::Stub::GetMap, request, kCallTimeout));
+                        impl_->Call(&v1::AdminService::Stub::GetMap, request, kBulkCallTimeout));
   StatusOr<MapSummary> map = ToSummary(response.map());
   if (!map.ok()) return BadAnswer(map.status());
   return map;
@@ -191,9 +209,10 @@ StatusOr<uint64_t> AdminClient::ReleaseSession(uint64_t session_id) {
   return response.num_frames();
 }
 
-StatusOr<MapContent> AdminClient::ExportMap(const std::string& name) {
+StatusOr<MapContent> AdminClient::ExportMap(const std::string& name, const std::string& at) {
   v1::ExportMapRequest request;
   request.set_name(name);
+  request.set_at(at);
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kBulkCallTimeout);
   const auto reader = impl_->stub->ExportMap(&context, request);
@@ -225,6 +244,65 @@ StatusOr<MapContent> AdminClient::ExportMap(const std::string& name) {
     return std::tie(a.session_id, a.keyframe) < std::tie(b.session_id, b.keyframe);
   });
   return content;
+}
+
+StatusOr<RevisionLogSummary> AdminClient::ListRevisions(const std::string& name, uint32_t max_runs) {
+  v1::ListRevisionsRequest request;
+  request.set_name(name);
+  request.set_max_runs(max_runs);
+  MAPP_ASSIGN_OR_RETURN(const v1::ListRevisionsResponse response,
+                        impl_->Call(&v1::AdminService::Stub::ListRevisions, request, kBulkCallTimeout));
+  RevisionLogSummary log;
+  for (const v1::ListRevisionsResponse::Run& run : response.runs()) {
+    log.runs.push_back({run.first_revision(), run.last_revision(), run.num_revisions(), run.first_unix_ns(),
+                        run.last_unix_ns(), NameOf(run.cause()), run.session_id(), run.device()});
+  }
+  log.truncated = response.truncated();
+  log.oldest_revision = response.oldest_revision();
+  log.tags = ToSummaries(response.tags());
+  return log;
+}
+
+StatusOr<MapDiffSummary> AdminClient::DiffRevisions(const std::string& name, const std::string& from,
+                                                    const std::string& to) {
+  v1::DiffRevisionsRequest request;
+  request.set_name(name);
+  request.set_from(from);
+  request.set_to(to);
+  MAPP_ASSIGN_OR_RETURN(const v1::DiffRevisionsResponse response,
+                        impl_->Call(&v1::AdminService::Stub::DiffRevisions, request, kBulkCallTimeout));
+  MapDiffSummary diff{response.from_revision(), response.to_revision(), {}};
+  for (const v1::DiffRevisionsResponse::Session& session : response.sessions()) {
+    diff.sessions.push_back({session.session_id(), session.device(), session.frames_added(), session.frames_moved(),
+                             session.frames_removed(), session.points_added(), session.points_moved(),
+                             session.points_removed()});
+  }
+  return diff;
+}
+
+StatusOr<std::vector<TagSummary>> AdminClient::ListTags(const std::string& name) {
+  v1::ListTagsRequest request;
+  request.set_name(name);
+  MAPP_ASSIGN_OR_RETURN(const v1::ListTagsResponse response,
+                        impl_->Call(&v1::AdminService::Stub::ListTags, request, kCallTimeout));
+  return ToSummaries(response.tags());
+}
+
+StatusOr<uint64_t> AdminClient::PutTag(const std::string& name, const std::string& tag, const std::string& at) {
+  v1::PutTagRequest request;
+  request.set_name(name);
+  request.set_tag(tag);
+  request.set_at(at);
+  MAPP_ASSIGN_OR_RETURN(const v1::PutTagResponse response,
+                        impl_->Call(&v1::AdminService::Stub::PutTag, request, kCallTimeout));
+  return response.revision();
+}
+
+Status AdminClient::DeleteTag(const std::string& name, const std::string& tag) {
+  v1::DeleteTagRequest request;
+  request.set_name(name);
+  request.set_tag(tag);
+  return impl_->Call(&v1::AdminService::Stub::DeleteTag, request, kCallTimeout).status();
 }
 
 StatusOr<MapOptimizationSummary> AdminClient::OptimizeMap(

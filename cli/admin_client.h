@@ -23,15 +23,22 @@ class AdminClient {
 
   StatusOr<ServerSummary> GetServerInfo();
   StatusOr<std::vector<MapSummary>> ListMaps();
-  StatusOr<MapSummary> GetMap(const std::string& name);
+  /// `at`, here and below: the number of a revision, a tag, or nothing for the present.
+  StatusOr<MapSummary> GetMap(const std::string& name, const std::string& at = {});
   /// Numbers of frames and points that went. With `force` also when sessions are open.
   StatusOr<std::pair<uint64_t, uint64_t>> DeleteMap(const std::string& name, bool force);
   /// Of all maps when `map_name` is empty.
   StatusOr<std::vector<SessionSummary>> ListSessions(const std::string& map_name);
   /// Lifts a session's quarantine; the number of frames that the map has taken in for it.
   StatusOr<uint64_t> ReleaseSession(uint64_t session_id);
-  /// Everything the map holds now, frames by session and number.
-  StatusOr<MapContent> ExportMap(const std::string& name);
+  /// Everything the map holds, frames by session and number.
+  StatusOr<MapContent> ExportMap(const std::string& name, const std::string& at = {});
+  StatusOr<RevisionLogSummary> ListRevisions(const std::string& name, uint32_t max_runs);
+  StatusOr<MapDiffSummary> DiffRevisions(const std::string& name, const std::string& from, const std::string& to);
+  StatusOr<std::vector<TagSummary>> ListTags(const std::string& name);
+  /// The revision that the tag names now.
+  StatusOr<uint64_t> PutTag(const std::string& name, const std::string& tag, const std::string& at);
+  Status DeleteTag(const std::string& name, const std::string& tag);
   /// Tells `on_progress` how far the server is. CANCELLED on a stop request.
   StatusOr<MapOptimizationSummary> OptimizeMap(const std::string& name,
                                                const std::function<void(const MapOptimizationStep&)>& on_progress,

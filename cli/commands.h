@@ -31,6 +31,9 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen);
 // Options that several subcommands have.
 void AddServer(CLI::App& command, std::string& server);
 void AddJson(CLI::App& command, bool& json);
+void AddAt(CLI::App& command, std::string& at);
+/// `mapp maps log`, `diff` and `tag`.
+void AddMapHistory(CLI::App& maps, Command& chosen);
 
 /// An option whose value is one of `choices`. `value` must outlive the parsing.
 template <typename T, size_t N>

@@ -86,7 +86,7 @@ std::string FormatPly(const MapContent& content, PlyEncoding encoding) {
 }
 
 Status RunExport(const ExportOptions& options, std::ostream& out) {
-  MAPP_ASSIGN_OR_RETURN(const MapContent content, AdminClient(options.server).ExportMap(options.map_name));
+  MAPP_ASSIGN_OR_RETURN(const MapContent content, AdminClient(options.server).ExportMap(options.map_name, options.at));
   std::vector<std::string> files = {options.out};
   if (options.format == ExportFormat::kPly) {
     MAPP_RETURN_IF_ERROR(WriteOutput(options.out, FormatPly(content, options.encoding), out));

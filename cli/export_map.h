@@ -17,13 +17,14 @@ enum class PlyEncoding { kAscii, kBinary };
 struct ExportOptions {
   std::string server;
   std::string map_name;
+  std::string at;  ///< revision or tag; empty: now
   ExportFormat format = ExportFormat::kPly;
   PlyEncoding encoding = PlyEncoding::kBinary;
   /// PLY: the file, `-` for standard output. TUM: a folder, made when absent, which receives `session_<id>.txt`.
   std::string out;
   bool json = false;
 };
-/// `mapp export`: what the map holds now, in its own frame. NOT_FOUND: no such map.
+/// `mapp export`: what the map holds, in its own frame. NOT_FOUND: no such map.
 Status RunExport(const ExportOptions& options, std::ostream& out);
 
 /// Points in the map's frame with `x y z` (metres), `observations`, `confidence` and `session` for each.

@@ -20,8 +20,13 @@ void AddServer(CLI::App& command, std::string& server) {
 
 void AddJson(CLI::App& command, bool& json) { command.add_flag("--json", json, "Print JSON instead of a table"); }
 
+void AddAt(CLI::App& command, std::string& at) {
+  command.add_option("--at", at, "As it was at this revision or tag, instead of now")->type_name("REVISION");
+}
+
 void AddMaps(CLI::App& app, Command& chosen) {
-  CLI::App* maps = app.add_subcommand("maps", "List, show, optimize and delete maps")->require_subcommand(1);
+  CLI::App* maps = app.add_subcommand("maps", "List, show, optimize and delete maps, and look into their past")
+                       ->require_subcommand(1);
 
   auto list = std::make_shared<MapsListOptions>();
   CLI::App* list_command = maps->add_subcommand("list", "All maps of a server");
@@ -33,6 +38,7 @@ void AddMaps(CLI::App& app, Command& chosen) {
   CLI::App* show_command = maps->add_subcommand("show", "One map in detail");
   AddServer(*show_command, show->server);
   AddJson(*show_command, show->json);
+  AddAt(*show_command, show->at);
   show_command->add_option("name", show->name, "Name of the map")->required()->type_name("MAP");
   show_command->callback([show, &chosen] { chosen = [show] { return RunMapsShow(*show, std::cout); }; });
 
@@ -59,6 +65,8 @@ void AddMaps(CLI::App& app, Command& chosen) {
     remove->interactive = isatty(STDIN_FILENO) == 1;
     chosen = [remove] { return RunMapsDelete(*remove, std::cin, std::cout); };
   });
+
+  AddMapHistory(*maps, chosen);
 }
 
 void AddSessions(CLI::App& app, Command& chosen) {
@@ -96,6 +104,7 @@ void AddExport(CLI::App& app, Command& chosen) {
   AddServer(*command, options->server);
   AddJson(*command, options->json);
   command->add_option("--map", options->map_name, "Map to export")->required();
+  AddAt(*command, options->at);
   static constexpr std::array kFormats = {Choice<ExportFormat>{"ply", ExportFormat::kPly},
                                           Choice<ExportFormat>{"tum", ExportFormat::kTum}};
   AddChoice(*command, "--format", options->format, kFormats, "ply: the points; tum: each session's keyframes");
@@ -113,6 +122,7 @@ void AddRender(CLI::App& app, Command& chosen) {
   AddServer(*command, options->server);
   AddJson(*command, options->json);
   command->add_option("--map", options->map_name, "Map to draw")->required();
+  AddAt(*command, options->at);
   command->add_option("--out", options->out_file, "The PNG")->required()->type_name("FILE");
   command->add_option("--frames", options->frame_files, "Frame logs that mapp replay wrote with --frames-out")
       ->type_name("FILE");

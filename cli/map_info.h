@@ -61,6 +61,42 @@ struct MapOptimizationSummary {
   uint32_t num_fused = 0;  ///< points that turned out to be another one
 };
 
+/// Revisions one after the other that have the same cause and session.
+struct RevisionRunSummary {
+  uint64_t first = 0, last = 0;
+  uint64_t num_revisions = 0;
+  int64_t first_unix_ns = 0, last_unix_ns = 0;
+  std::string cause;        ///< "keyframe", "loop", ...
+  uint64_t session_id = 0;  ///< 0: of none alone
+  std::string device;
+};
+
+struct TagSummary {
+  std::string name;
+  uint64_t revision = 0;
+  int64_t created_unix_ns = 0;
+};
+
+struct RevisionLogSummary {
+  std::vector<RevisionRunSummary> runs;  ///< newest first
+  bool truncated = false;                ///< there are older ones
+  uint64_t oldest_revision = 0;          ///< that can still be read
+  std::vector<TagSummary> tags;          ///< by name
+};
+
+/// How the map differs between two revisions in what one session has brought.
+struct SessionDiffSummary {
+  uint64_t session_id = 0;
+  std::string device;
+  uint64_t frames_added = 0, frames_moved = 0, frames_removed = 0;
+  uint64_t points_added = 0, points_moved = 0, points_removed = 0;
+};
+
+struct MapDiffSummary {
+  uint64_t from = 0, to = 0;
+  std::vector<SessionDiffSummary> sessions;
+};
+
 struct SessionSummary {
   uint64_t id = 0;
   std::string map_name;

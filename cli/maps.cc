@@ -108,7 +108,7 @@ Status RunMapsList(const MapsListOptions& options, std::ostream& out) {
 }
 
 Status RunMapsShow(const MapsShowOptions& options, std::ostream& out) {
-  MAPP_ASSIGN_OR_RETURN(const MapSummary map, AdminClient(options.server).GetMap(options.name));
+  MAPP_ASSIGN_OR_RETURN(const MapSummary map, AdminClient(options.server).GetMap(options.name, options.at));
   out << (options.json ? FormatJson(map) : FormatText(map));
   return absl::OkStatus();
 }

@@ -19,6 +19,7 @@ Status RunMapsList(const MapsListOptions& options, std::ostream& out);
 struct MapsShowOptions {
   std::string server;
   std::string name;
+  std::string at;  ///< revision or tag; empty: now
   bool json = false;
 };
 /// `mapp maps show`. NOT_FOUND: no such map.

@@ -17,7 +17,7 @@ Status RunRender(const RenderOptions& options, std::ostream& out) {
     content.logs.insert(content.logs.end(), logs.begin(), logs.end());
   }
   AdminClient client(options.server);
-  MAPP_ASSIGN_OR_RETURN(content.map, client.ExportMap(options.map_name));
+  MAPP_ASSIGN_OR_RETURN(content.map, client.ExportMap(options.map_name, options.at));
   MAPP_ASSIGN_OR_RETURN(content.sessions, client.ListSessions(options.map_name));
   MAPP_ASSIGN_OR_RETURN(const std::string png, DrawMap(content, options.image));
   MAPP_RETURN_IF_ERROR(WriteOutput(options.out_file, png, out));

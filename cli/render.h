@@ -12,6 +12,7 @@ namespace mapp {
 struct RenderOptions {
   std::string server;
   std::string map_name;
+  std::string at;                        ///< revision or tag; empty: now
   std::string out_file;                  ///< PNG
   std::vector<std::string> frame_files;  ///< frame logs of sessions of this map, as `mapp replay` writes them
   MapImageOptions image;

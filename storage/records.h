@@ -125,7 +125,7 @@ struct TileRecord {
 enum class RevisionCause : uint8_t {
   kUnknown = 0,  ///< made before causes were kept
   kKeyframe = 1,
-  kAlignment = 2,  ///< a fragment has entered the map
+  kAlignment = 2,  ///< a fragment has entered the map, or a session's place in it was refined
   kLoop = 3,
   kOptimization = 4,
   kFusion = 5,  ///< points that turned out to be one

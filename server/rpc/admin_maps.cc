@@ -18,15 +18,14 @@ grpc::Status AdminServiceHandler::ListMaps(grpc::ServerContext* context, const v
 grpc::Status AdminServiceHandler::GetMap(grpc::ServerContext* context, const v1::GetMapRequest* request,
                                          v1::GetMapResponse* response) {
   return runner_.Unary("GetMap", *context, *request, *response, [&](const Call& call) -> Status {
-    MAPP_ASSIGN_OR_RETURN(const MapRecord map, service_.GetMap(call.context, request->name()));
-    MAPP_ASSIGN_OR_RETURN(const std::vector<TileRecord> tiles, service_.ListTiles(call.context, map.id));
+    MAPP_ASSIGN_OR_RETURN(const MapState map, service_.GetMap(call.context, request->name(), request->at()));
     v1::MapInfo& info = *response->mutable_map();
-    info = ToProto(map);
-    info.set_num_tiles(tiles.size());
-    const TileGrid grid{.edge_m = map.tile_edge_m};
+    info = ToProto(map.record);
+    info.set_num_tiles(map.tiles.size());
+    const TileGrid grid{.edge_m = map.record.tile_edge_m};
     Aabb bounds;
-    for (const TileRecord& tile : tiles) bounds.extend(grid.BoxOf(tile.key));
-    if (!tiles.empty()) *info.mutable_bounds() = ToProto(bounds);
+    for (const TileRecord& tile : map.tiles) bounds.extend(grid.BoxOf(tile.key));
+    if (!map.tiles.empty()) *info.mutable_bounds() = ToProto(bounds);
     return absl::OkStatus();
   });
 }

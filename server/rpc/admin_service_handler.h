@@ -47,6 +47,16 @@ class AdminServiceHandler final : public v1::AdminService::Service {
                            grpc::ServerWriter<v1::OptimizeMapResponse>* writer) override;
   grpc::Status BackUp(grpc::ServerContext* context, const v1::BackUpRequest* request,
                       grpc::ServerWriter<v1::BackUpResponse>* writer) override;
+  grpc::Status ListRevisions(grpc::ServerContext* context, const v1::ListRevisionsRequest* request,
+                             v1::ListRevisionsResponse* response) override;
+  grpc::Status DiffRevisions(grpc::ServerContext* context, const v1::DiffRevisionsRequest* request,
+                             v1::DiffRevisionsResponse* response) override;
+  grpc::Status ListTags(grpc::ServerContext* context, const v1::ListTagsRequest* request,
+                        v1::ListTagsResponse* response) override;
+  grpc::Status PutTag(grpc::ServerContext* context, const v1::PutTagRequest* request,
+                      v1::PutTagResponse* response) override;
+  grpc::Status DeleteTag(grpc::ServerContext* context, const v1::DeleteTagRequest* request,
+                         v1::DeleteTagResponse* response) override;
 
  private:
   MapService& service_;

@@ -49,7 +49,7 @@ grpc::Status AdminServiceHandler::ExportMap(grpc::ServerContext* context, const 
   return runner_.Stream("ExportMap", *context, *request, [&](Call& call) -> Status {
     ExportWriter out(*writer, call);
     MAPP_RETURN_IF_ERROR(service_.ExportMap(
-        call.context, request->name(),
+        call.context, request->name(), request->at(),
         [&](const MapRecord& map, const std::vector<FrameRecord>& frames) { return out.AddFrames(map, frames); },
         [&](const std::vector<PointRecord>& points) { return out.AddPoints(points); }));
     return out.Flush();

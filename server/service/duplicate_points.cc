@@ -188,6 +188,7 @@ Status DuplicateFusion::Run(MapWriter& writer) {
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(map_));
   const TileGrid grid{.edge_m = map.tile_edge_m};
   MAPP_ASSIGN_OR_RETURN(revision_, writer.NextRevision(map_));
+  MAPP_RETURN_IF_ERROR(writer.SetCause(map_, RevisionCause::kFusion, std::nullopt));
   MAPP_RETURN_IF_ERROR(LoadPoints(writer));
   if (points_.empty()) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const std::vector<FrameRecord> frames, writer.FramesInBox(map_, WhereSeenFrom()));

@@ -20,12 +20,14 @@ constexpr double kMaxLinkError = 5;
 class LoopCorrection {
  public:
   /// All must outlive this. `no_outliers`: there are no observations.
-  LoopCorrection(const OptimizerRegion& region, const BundleProblem& adjusted, const std::vector<bool>& no_outliers)
-      : region_(region), adjusted_(adjusted), commit_(region, adjusted, no_outliers) {}
+  LoopCorrection(const OptimizerRegion& region, const BundleProblem& adjusted, const std::vector<bool>& no_outliers,
+                 SessionId session)
+      : region_(region), adjusted_(adjusted), session_(session), commit_(region, adjusted, no_outliers) {}
 
   /// ABORTED when a frame was moved or taken out of the map meanwhile.
   Status Run(MapWriter& writer) {
     MAPP_RETURN_IF_ERROR(commit_.Run(writer));
+    MAPP_RETURN_IF_ERROR(writer.SetCause(commit_.map(), RevisionCause::kLoop, session_));
     const std::map<SessionId, size_t> newest = NewestFrames();
     for (const SessionId session : region_.led_sessions) {
       // It goes on from where its newest frame went.
@@ -65,6 +67,7 @@ class LoopCorrection {
 
   const OptimizerRegion& region_;
   const BundleProblem& adjusted_;
+  const SessionId session_;  ///< whose way came back to where it or another had been
   OptimizerCommit commit_;
   std::vector<SessionRecord> moved_;
 };
@@ -102,7 +105,7 @@ StatusOr<std::optional<ClosedLoop>> TryCloseLoop(MapStore& store, TileCache& til
   MAPP_RETURN_IF_ERROR(context.Check());
   if (!IsClosed(adjusted)) return std::nullopt;
   const std::vector<bool> no_outliers;
-  LoopCorrection correction(graph.region, adjusted, no_outliers);
+  LoopCorrection correction(graph.region, adjusted, no_outliers, loop.visit.session);
   MAPP_RETURN_IF_ERROR(store.Write(
       context, [&correction](MapWriter& writer) { return correction.Run(writer); },
       [&] { correction.Announce(tiles, events); }));

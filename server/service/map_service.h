@@ -4,6 +4,7 @@
 #include "mapp/base/status.h"
 #include "mapp/codec/query_codec.h"
 #include "mapp/view/view_cone.h"
+#include "server/service/map_history.h"
 #include "server/service/optimizer.h"
 #include "server/service/registrar.h"
 #include "server/service/service_types.h"
@@ -59,8 +60,9 @@ class MapService {
   StatusOr<SessionPoses> GetSessionPoses(const CallContext& context, SessionId session);
 
   StatusOr<std::vector<MapRecord>> ListMaps(const CallContext& context);
-  StatusOr<MapRecord> GetMap(const CallContext& context, const std::string& name);
-  StatusOr<std::vector<TileRecord>> ListTiles(const CallContext& context, MapId map);
+  /// `at`, here and below: the number of a revision, a tag, or nothing for the present state. NOT_FOUND: no such map or
+  /// tag; OUT_OF_RANGE: no such revision, or no longer.
+  StatusOr<MapState> GetMap(const CallContext& context, const std::string& name, const std::string& at);
   StatusOr<MapRecord> DeleteMap(const CallContext& context, const std::string& name, bool force);
   /// Of one map, or of all with an empty name.
   StatusOr<std::vector<SessionRecord>> ListSessions(const CallContext& context, const std::string& map_name);
@@ -68,13 +70,24 @@ class MapService {
   /// NOT_FOUND; FAILED_PRECONDITION: it is not quarantined.
   StatusOr<ReleasedSession> ReleaseSession(const CallContext& context, SessionId session);
   /// From one snapshot: the map's frames once, then points tile by tile.
-  Status ExportMap(const CallContext& context, const std::string& name,
+  Status ExportMap(const CallContext& context, const std::string& name, const std::string& at,
                    const std::function<Status(const MapRecord&, const std::vector<FrameRecord>&)>& on_frames,
                    const std::function<Status(const std::vector<PointRecord>&)>& on_points);
 
   /// Optimizer::OptimizeMap of the map of this name.
   StatusOr<MapOptimizationFinished> OptimizeMap(const CallContext& context, const std::string& name,
                                                 const MapOptimizationObserver& on_progress);
+
+  /// The latest runs of the map's revisions, newest first.
+  StatusOr<RevisionLog> ListRevisions(const CallContext& context, const std::string& name, size_t max_runs);
+  /// INVALID_ARGUMENT when `from` is later than `to`.
+  StatusOr<MapDiff> DiffRevisions(const CallContext& context, const std::string& name, const std::string& from,
+                                  const std::string& to);
+  StatusOr<std::vector<TagRecord>> ListTags(const CallContext& context, const std::string& name);
+  /// The revision that the tag names now.
+  StatusOr<Revision> PutTag(const CallContext& context, const std::string& name, const std::string& tag,
+                            const std::string& at);
+  Status DeleteTag(const CallContext& context, const std::string& name, const std::string& tag);
 
   /// Since the service was created.
   std::vector<StepFigures> StepTimesSoFar() const;

@@ -1,3 +1,4 @@
+#include "server/service/map_history.h"
 #include "server/service/map_service_impl.h"
 
 #include <fmt/format.h>
@@ -13,16 +14,13 @@ StatusOr<std::vector<MapRecord>> MapService::ListMaps(const CallContext& context
   return reader->ListMaps();
 }
 
-StatusOr<MapRecord> MapService::GetMap(const CallContext& context, const std::string& name) {
+StatusOr<MapState> MapService::GetMap(const CallContext& context, const std::string& name, const std::string& at) {
   MAPP_RETURN_IF_ERROR(context.Check());
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
-  return reader->FindMap(name);
-}
-
-StatusOr<std::vector<TileRecord>> MapService::ListTiles(const CallContext& context, MapId map) {
-  MAPP_RETURN_IF_ERROR(context.Check());
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
-  return reader->ListTiles(map, std::nullopt);
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, ReadMapAt(impl_->store, name, at));
+  MapState state;
+  MAPP_ASSIGN_OR_RETURN(state.record, reader->FindMap(name));
+  MAPP_ASSIGN_OR_RETURN(state.tiles, reader->ListTiles(state.record.id, std::nullopt));
+  return state;
 }
 
 StatusOr<MapRecord> MapService::DeleteMap(const CallContext& context, const std::string& name, bool force) {
@@ -61,10 +59,10 @@ StatusOr<ReleasedSession> MapService::ReleaseSession(const CallContext& context,
   return released;
 }
 
-Status MapService::ExportMap(const CallContext& context, const std::string& name,
+Status MapService::ExportMap(const CallContext& context, const std::string& name, const std::string& at,
                              const std::function<Status(const MapRecord&, const std::vector<FrameRecord>&)>& on_frames,
                              const std::function<Status(const std::vector<PointRecord>&)>& on_points) {
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, ReadMapAt(impl_->store, name, at));
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader->FindMap(name));
   MAPP_ASSIGN_OR_RETURN(std::vector<FrameRecord> frames, reader->ListFrames(map.id, std::nullopt));
   // Poses of fragments are in frames of their own.
@@ -81,8 +79,46 @@ Status MapService::ExportMap(const CallContext& context, const std::string& name
 
 StatusOr<MapOptimizationFinished> MapService::OptimizeMap(const CallContext& context, const std::string& name,
                                                           const MapOptimizationObserver& on_progress) {
-  MAPP_ASSIGN_OR_RETURN(const MapRecord map, GetMap(context, name));
-  return impl_->optimizer.OptimizeMap(context, map.id, on_progress);
+  MAPP_ASSIGN_OR_RETURN(const MapId map, FindMap(impl_->store, name));
+  return impl_->optimizer.OptimizeMap(context, map, on_progress);
+}
+
+StatusOr<RevisionLog> MapService::ListRevisions(const CallContext& context, const std::string& name, size_t max_runs) {
+  MAPP_RETURN_IF_ERROR(context.Check());
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
+  return ReadRevisionLog(*reader, name, max_runs);
+}
+
+StatusOr<MapDiff> MapService::DiffRevisions(const CallContext& context, const std::string& name,
+                                            const std::string& from, const std::string& to) {
+  MAPP_RETURN_IF_ERROR(context.Check());
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
+  return ReadMapDiff(*reader, name, from, to);
+}
+
+StatusOr<std::vector<TagRecord>> MapService::ListTags(const CallContext& context, const std::string& name) {
+  MAPP_RETURN_IF_ERROR(context.Check());
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
+  MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader->FindMap(name));
+  return reader->ListTags(map.id);
+}
+
+StatusOr<Revision> MapService::PutTag(const CallContext& context, const std::string& name, const std::string& tag,
+                                      const std::string& at) {
+  Revision revision;
+  MAPP_RETURN_IF_ERROR(impl_->store.Write(context, [&](MapWriter& writer) -> Status {
+    MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.FindMap(name));
+    MAPP_ASSIGN_OR_RETURN(revision, ResolveRevision(writer, map, at));
+    return writer.PutTag(map.id, tag, revision);
+  }));
+  return revision;
+}
+
+Status MapService::DeleteTag(const CallContext& context, const std::string& name, const std::string& tag) {
+  return impl_->store.Write(context, [&](MapWriter& writer) -> Status {
+    MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.FindMap(name));
+    return writer.DeleteTag(map.id, tag);
+  });
 }
 
 std::vector<StepFigures> MapService::StepTimesSoFar() const { return impl_->step_times.Snapshot(); }

@@ -190,6 +190,7 @@ Status FragmentMerge::Run(MapWriter& writer) {
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(map_));
   grid_.edge_m = map.tile_edge_m;
   MAPP_ASSIGN_OR_RETURN(revision_, writer.NextRevision(map_));
+  MAPP_RETURN_IF_ERROR(writer.SetCause(map_, RevisionCause::kAlignment, session_));
   MAPP_ASSIGN_OR_RETURN(const double map_unit, UnitOf(writer, map_));
   if (map_unit != map_unit_) return absl::AbortedError(fmt::format("map {} has been rescaled", map_.value()));
   MAPP_RETURN_IF_ERROR(SetScale(writer, session));

@@ -101,7 +101,7 @@ struct Optimizer::Impl {
                            OptimizationFinished& finished);
   /// ABORTED when a frame of the region was moved or taken out of the map meanwhile.
   Status Commit(const CallContext& context, const OptimizerRegion& region, const BundleProblem& adjusted,
-                const std::vector<bool>& outliers);
+                const std::vector<bool>& outliers, std::optional<SessionId> cause);
   Status RecordOptimized(const CallContext& context, SessionId session);
   /// `context` that also ends on Shutdown.
   CallContext Stoppable(const CallContext& context) const;
@@ -122,10 +122,14 @@ CallContext Optimizer::Impl::Stoppable(const CallContext& context) const {
 }
 
 Status Optimizer::Impl::Commit(const CallContext& context, const OptimizerRegion& region, const BundleProblem& adjusted,
-                               const std::vector<bool>& outliers) {
+                               const std::vector<bool>& outliers, std::optional<SessionId> cause) {
   OptimizerCommit commit(region, adjusted, outliers);
   return store.Write(
-      context, [&commit](MapWriter& writer) { return commit.Run(writer); },
+      context,
+      [&](MapWriter& writer) -> Status {
+        MAPP_RETURN_IF_ERROR(commit.Run(writer));
+        return writer.SetCause(commit.map(), RevisionCause::kOptimization, cause);
+      },
       [&] {
         tiles.Invalidate(commit.map(), commit.touched_tiles());
         events.PublishToMap(commit.map(), TilesChanged{.keys = commit.touched_tiles(), .revision = commit.revision()});
@@ -183,7 +187,7 @@ Status Optimizer::Impl::TryOptimizeAround(const CallContext& context, std::span<
   finished.num_frames += num_free;
   finished.num_points += num_points;
   if (after_px >= before_px || !IsPlausible(region.problem, adjusted)) return absl::OkStatus();
-  MAPP_RETURN_IF_ERROR(Commit(context, region, adjusted, outliers));
+  MAPP_RETURN_IF_ERROR(Commit(context, region, adjusted, outliers, SoleSession(frames)));
   finished.applied = true;
   return absl::OkStatus();
 }

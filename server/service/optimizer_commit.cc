@@ -21,6 +21,12 @@ bool HasMoved(const Pose3& before, const Pose3& after) {
 
 }  // namespace
 
+std::optional<SessionId> SoleSession(std::span<const FrameRecord> frames) {
+  const auto of_first = [&frames](const FrameRecord& frame) { return frame.session == frames.front().session; };
+  if (frames.empty() || !std::ranges::all_of(frames, of_first)) return std::nullopt;
+  return frames.front().session;
+}
+
 Pose3 OptimizerCommit::MotionOf(int frame_idx) const {
   return adjusted_.frames[frame_idx].T_world_camera * region_.problem.frames[frame_idx].T_world_camera.Inverse();
 }

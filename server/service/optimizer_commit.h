@@ -7,6 +7,9 @@
 
 namespace mapp {
 
+/// Whose frames these all are, if one session's.
+std::optional<SessionId> SoleSession(std::span<const FrameRecord> frames);
+
 /// Writes an adjusted region back to the map: poses, points, what is carried along with them, frames and points that
 /// arrived since the snapshot; and drops the observations that the adjustment found to be wrong.
 class OptimizerCommit {

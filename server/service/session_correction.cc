@@ -26,6 +26,7 @@ class Correction {
       return absl::AbortedError(fmt::format("map {} has been rescaled", map_.value()));
     }
     MAPP_ASSIGN_OR_RETURN(revision_, writer.NextRevision(map_));
+    MAPP_RETURN_IF_ERROR(writer.SetCause(map_, RevisionCause::kAlignment, session_));
     const Sim3 S_session_map = session.S_map_session().Inverse();
     MAPP_RETURN_IF_ERROR(MoveFrames(writer, S_session_map));
     MAPP_RETURN_IF_ERROR(MovePoints(writer, S_session_map));

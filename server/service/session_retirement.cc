@@ -24,6 +24,7 @@ class FrameRetirement {
     }
     if (done_.frames.empty()) return std::move(done_);
     MAPP_ASSIGN_OR_RETURN(done_.revision, writer_.NextRevision(session_.map));
+    MAPP_RETURN_IF_ERROR(writer_.SetCause(session_.map, RevisionCause::kRetirement, session_.id));
     MAPP_RETURN_IF_ERROR(SettlePoints());
     done_.touched_tiles.assign(touched_.begin(), touched_.end());
     return std::move(done_);

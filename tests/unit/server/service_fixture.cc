@@ -86,9 +86,9 @@ void ServiceFixture::Align(SessionId session) {
 }
 
 MapRecord ServiceFixture::Map(const std::string& name) {
-  const StatusOr<MapRecord> map = service_->GetMap(context_, name);
+  const StatusOr<MapState> map = service_->GetMap(context_, name, "");
   EXPECT_TRUE(map.ok()) << map.status();
-  return *map;
+  return map->record;
 }
 
 SessionRecord ServiceFixture::Session(SessionId session) {

@@ -203,7 +203,7 @@ TEST_F(SessionsTest, MapWithOpenSessionsIsDeletedOnlyByForce) {
   const StatusOr<MapRecord> deleted = service_->DeleteMap(context_, "room", true);
   ASSERT_TRUE(deleted.ok());
   EXPECT_EQ(deleted->num_frames, 1);
-  EXPECT_EQ(service_->GetMap(context_, "room").status().code(), absl::StatusCode::kNotFound);
+  EXPECT_EQ(service_->GetMap(context_, "room", "").status().code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(Upload(world_.View(Pose3(), session, 1, rng_)).status().code(), absl::StatusCode::kNotFound);
   EXPECT_EQ(service_->DeleteMap(context_, "room", true).status().code(), absl::StatusCode::kNotFound);
 }
@@ -214,7 +214,7 @@ TEST_F(SessionsTest, ExportHoldsTheMapAndNoFragment) {
   size_t num_frames = 0;
   size_t num_points = 0;
   const Status exported = service_->ExportMap(
-      context_, "room",
+      context_, "room", "",
       [&](const MapRecord&, const std::vector<FrameRecord>& frames) {
         num_frames = frames.size();
         return absl::OkStatus();
