@@ -48,3 +48,17 @@ CREATE TABLE tags (
 
 -- For the points that a tile had at an earlier revision.
 CREATE INDEX point_history_by_tile ON point_history (tile_id) WHERE tile_id IS NOT NULL;
+
+-- A table by rowid: in the other kind a list of some KB spills to a page of its own, most of which stays empty.
+CREATE TABLE frame_observation_history_by_rowid (
+  frame_id         INTEGER NOT NULL REFERENCES frames (frame_id),
+  created_revision INTEGER NOT NULL,
+  retired_revision INTEGER NOT NULL,
+  observations     BLOB NOT NULL
+) STRICT;
+INSERT INTO frame_observation_history_by_rowid
+  SELECT frame_id, created_revision, retired_revision, observations FROM frame_observation_history
+   ORDER BY frame_id, created_revision;
+DROP TABLE frame_observation_history;
+ALTER TABLE frame_observation_history_by_rowid RENAME TO frame_observation_history;
+CREATE UNIQUE INDEX frame_observation_history_by_frame ON frame_observation_history (frame_id, created_revision);
