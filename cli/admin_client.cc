@@ -20,7 +20,7 @@ constexpr std::chrono::seconds kCallTimeout(10);
 /// Deleting and exporting touch everything a map holds.
 constexpr std::chrono::minutes kBulkCallTimeout(10);
 /// Any database is copied and checked by then.
-constexpr std::chrono::hours kBackupTimeout(24);
+constexpr std::chrono::hours kLongCallTimeout(24);
 
 Eigen::Vector3d ToVector(const v1::Point3& point) { return {point.x_m(), point.y_m(), point.z_m()}; }
 
@@ -305,6 +305,35 @@ Status AdminClient::DeleteTag(const std::string& name, const std::string& tag) {
   return impl_->Call(&v1::AdminService::Stub::DeleteTag, request, kCallTimeout).status();
 }
 
+StatusOr<CompactionSummary> AdminClient::CompactMap(const CompactionOrder& order,
+                                                    const std::function<void(const CompactionStep&)>& on_progress,
+                                                    const std::stop_token& stop) {
+  v1::CompactMapRequest request;
+  request.set_name(order.map_name);
+  if (order.keep_revisions) request.set_keep_revisions(*order.keep_revisions);
+  if (order.keep_days) request.set_keep_days(*order.keep_days);
+  request.set_dry_run(order.dry_run);
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kLongCallTimeout);
+  const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
+  const auto reader = impl_->stub->CompactMap(&context, request);
+  std::optional<CompactionSummary> summary;
+  v1::CompactMapResponse response;
+  while (reader->Read(&response)) {
+    if (response.has_progress()) {
+      const v1::CompactMapResponse::Progress& step = response.progress();
+      on_progress({step.rows_done(), step.rows_total(), step.bytes_left()});
+    } else if (response.has_result()) {
+      const v1::CompactMapResponse::Result& result = response.result();
+      summary = CompactionSummary{result.oldest_revision_before(), result.oldest_revision(), result.kept_for_tag(),
+                                  result.num_rows(), result.num_bytes_given_back()};
+    }
+  }
+  MAPP_RETURN_IF_ERROR(impl_->ToStatus(reader->Finish()));
+  if (!summary) return BadAnswer(absl::DataLossError("no result"));
+  return *summary;
+}
+
 StatusOr<MapOptimizationSummary> AdminClient::OptimizeMap(
     const std::string& name, const std::function<void(const MapOptimizationStep&)>& on_progress,
     const std::stop_token& stop) {
@@ -338,7 +367,7 @@ StatusOr<Backup> AdminClient::BackUp(const std::string& to, int num_kept, const 
   request.set_to(to);
   request.set_num_kept(static_cast<uint32_t>(num_kept));
   grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + kBackupTimeout);
+  context.set_deadline(std::chrono::system_clock::now() + kLongCallTimeout);
   const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
   const auto reader = impl_->stub->BackUp(&context, request);
   std::optional<Backup> backup;

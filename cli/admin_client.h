@@ -40,6 +40,10 @@ class AdminClient {
   StatusOr<uint64_t> PutTag(const std::string& name, const std::string& tag, const std::string& at);
   Status DeleteTag(const std::string& name, const std::string& tag);
   /// Tells `on_progress` how far the server is. CANCELLED on a stop request.
+  StatusOr<CompactionSummary> CompactMap(const CompactionOrder& order,
+                                         const std::function<void(const CompactionStep&)>& on_progress,
+                                         const std::stop_token& stop);
+  /// Tells `on_progress` how far the server is. CANCELLED on a stop request.
   StatusOr<MapOptimizationSummary> OptimizeMap(const std::string& name,
                                                const std::function<void(const MapOptimizationStep&)>& on_progress,
                                                const std::stop_token& stop);

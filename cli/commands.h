@@ -23,6 +23,7 @@ void AddExport(CLI::App& app, Command& chosen);
 void AddRender(CLI::App& app, Command& chosen);
 void AddServerInfo(CLI::App& app, Command& chosen);
 void AddBackup(CLI::App& app, Command& chosen);
+void AddCompact(CLI::App& app, Command& chosen);
 void AddRestore(CLI::App& app, Command& chosen);
 void AddSimulate(CLI::App& app, Command& chosen);
 /// `command_line`: as typed, for the report.

@@ -1,7 +1,8 @@
-// Arguments of the commands that look after the database file: backup, restore.
+// Arguments of the commands that look after the database file: backup, compact, restore.
 
 #include "cli/backup.h"
 #include "cli/commands.h"
+#include "cli/compact.h"
 #include "cli/interrupt.h"
 
 #include <iostream>
@@ -32,6 +33,32 @@ void AddBackup(CLI::App& app, Command& chosen) {
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
       return RunBackup(*options, watcher->token(), std::cout);
+    };
+  });
+}
+
+void AddCompact(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<CompactOptions>();
+  CLI::App* command = app.add_subcommand(
+      "compact", "Drop the history of revisions that need not be read any more; give back the space");
+  AddServer(*command, options->server);
+  AddJson(*command, options->json);
+  command->add_option("--map", options->map_name, "Only this map's, instead of all");
+  command->add_option("--keep-revisions", options->keep_revisions, "Keep so many revisions before the present one")
+      ->type_name("N");
+  command->add_option("--keep-days", options->keep_days, "Keep the state of so many days ago, and all since")
+      ->check(CLI::Range(0.0, 36500.0))
+      ->type_name("DAYS");
+  command->add_flag("--yes", options->yes, "Do not ask");
+  command->add_flag("--dry-run", options->dry_run, "Only say what would be dropped");
+  command->footer(
+      "Tagged revisions (mapp maps tag) stay, and all after them. With both --keep options, whatever one of them needs "
+      "stays.\nExample: mapp compact --keep-days 30 --dry-run");
+  command->callback([options, &chosen] {
+    options->interactive = isatty(STDIN_FILENO) == 1;
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunCompact(*options, watcher->token(), std::cin, std::cout);
     };
   });
 }

@@ -97,6 +97,27 @@ struct MapDiffSummary {
   std::vector<SessionDiffSummary> sessions;
 };
 
+/// What of a map's history is to stay.
+struct CompactionOrder {
+  std::string map_name;
+  std::optional<uint64_t> keep_revisions;
+  std::optional<double> keep_days;
+  bool dry_run = false;
+};
+
+/// How far a compaction is.
+struct CompactionStep {
+  uint64_t rows_done = 0, rows_total = 0;
+  uint64_t bytes_left = 0;  ///< to give back
+};
+
+struct CompactionSummary {
+  uint64_t oldest_before = 0, oldest = 0;  ///< revisions that can be read
+  std::string kept_for_tag;                ///< without which more would go
+  uint64_t num_rows = 0;
+  uint64_t num_bytes_given_back = 0;
+};
+
 struct SessionSummary {
   uint64_t id = 0;
   std::string map_name;

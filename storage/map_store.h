@@ -62,6 +62,8 @@ class MapReader {
   /// How the map at `to` differs from the map at `from`, by session; sessions without a difference are left out.
   /// INVALID_ARGUMENT when from > to; OUT_OF_RANGE as ReadAsOf.
   virtual StatusOr<std::vector<SessionDiff>> DiffRevisions(MapId map, Revision from, Revision to) = 0;
+  /// Rows of history that no revision from `oldest` on needs: what DropHistory would drop.
+  virtual StatusOr<int64_t> CountHistory(MapId map, Revision oldest) = 0;
 };
 
 /// Reads and changes inside one transaction; reads see the changes made so far.
@@ -91,6 +93,12 @@ class MapWriter : public MapReader {
   virtual Status PutTag(MapId map, const std::string& name, Revision revision) = 0;
   /// NOT_FOUND: no such tag.
   virtual Status DeleteTag(MapId map, const std::string& name) = 0;
+  /// From now on `oldest` is the map's oldest revision (never an older one than before), and up to about `max_rows`
+  /// rows of history that none from it on needs are gone; returns how many. Again until it says 0: one change need not
+  /// keep others waiting for a whole history. OUT_OF_RANGE: the map has no such revision yet.
+  virtual StatusOr<int64_t> DropHistory(MapId map, Revision oldest, int64_t max_rows) = 0;
+  /// Gives up to `max_bytes` of the engine's unused space back to the system; returns how much is left to give.
+  virtual StatusOr<int64_t> GiveBackSpace(int64_t max_bytes) = 0;
 
   /// Appends the packet to the keyframe log and the frame to the map, with `observations`. Id and `created` are set by
   /// the store. ALREADY_EXISTS when (session, number) is stored.

@@ -57,6 +57,8 @@ class AdminServiceHandler final : public v1::AdminService::Service {
                       v1::PutTagResponse* response) override;
   grpc::Status DeleteTag(grpc::ServerContext* context, const v1::DeleteTagRequest* request,
                          v1::DeleteTagResponse* response) override;
+  grpc::Status CompactMap(grpc::ServerContext* context, const v1::CompactMapRequest* request,
+                          grpc::ServerWriter<v1::CompactMapResponse>* writer) override;
 
  private:
   MapService& service_;

@@ -4,6 +4,7 @@
 #include "mapp/base/status.h"
 #include "mapp/codec/query_codec.h"
 #include "mapp/view/view_cone.h"
+#include "server/service/compaction.h"
 #include "server/service/map_history.h"
 #include "server/service/optimizer.h"
 #include "server/service/registrar.h"
@@ -88,6 +89,10 @@ class MapService {
   StatusOr<Revision> PutTag(const CallContext& context, const std::string& name, const std::string& tag,
                             const std::string& at);
   Status DeleteTag(const CallContext& context, const std::string& name, const std::string& tag);
+
+  /// CompactMap (compaction.h) of this service's store, now.
+  StatusOr<Compaction> CompactMap(const CallContext& context, const CompactionRequest& request,
+                                  const CompactionObserver& on_progress);
 
   /// Since the service was created.
   std::vector<StepFigures> StepTimesSoFar() const;

@@ -1,3 +1,4 @@
+#include "mapp/base/unix_time.h"
 #include "server/service/map_history.h"
 #include "server/service/map_service_impl.h"
 
@@ -119,6 +120,11 @@ Status MapService::DeleteTag(const CallContext& context, const std::string& name
     MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.FindMap(name));
     return writer.DeleteTag(map.id, tag);
   });
+}
+
+StatusOr<Compaction> MapService::CompactMap(const CallContext& context, const CompactionRequest& request,
+                                            const CompactionObserver& on_progress) {
+  return mapp::CompactMap(impl_->store, context, request, UnixNowNs(), on_progress);
 }
 
 std::vector<StepFigures> MapService::StepTimesSoFar() const { return impl_->step_times.Snapshot(); }

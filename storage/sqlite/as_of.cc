@@ -73,7 +73,10 @@ CREATE TEMP VIEW point_history AS SELECT * FROM main.point_history WHERE retired
 CREATE TEMP VIEW session_points AS
   SELECT s.* FROM main.session_points s
    WHERE EXISTS (SELECT 1 FROM main.points p WHERE p.point_id = s.point_id AND p.created_revision <= {1})
-      OR EXISTS (SELECT 1 FROM main.point_history h WHERE h.point_id = s.point_id AND h.created_revision <= {1});
+      OR EXISTS (SELECT 1 FROM main.point_history h WHERE h.point_id = s.point_id AND h.created_revision <= {1})
+      -- One whose history has been dropped had ended before any revision that can still be read.
+      OR NOT EXISTS (SELECT 1 FROM main.points p WHERE p.point_id = s.point_id
+                     UNION ALL SELECT 1 FROM main.point_history h WHERE h.point_id = s.point_id);
 
 -- The index of tiles has all that there ever were.
 CREATE TEMP TABLE tile_counts (tile_id INTEGER PRIMARY KEY, num_points INTEGER NOT NULL);

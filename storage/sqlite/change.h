@@ -43,6 +43,10 @@ class Change final : public MapReads<MapWriter> {
     return sqlite::PutTag(db_, ledger_, map, name, revision);
   }
   Status DeleteTag(MapId map, const std::string& name) override { return sqlite::DeleteTag(db_, map, name); }
+  StatusOr<int64_t> DropHistory(MapId map, Revision oldest, int64_t max_rows) override {
+    return sqlite::DropHistory(db_, ledger_, map, oldest, max_rows);
+  }
+  StatusOr<int64_t> GiveBackSpace(int64_t max_bytes) override { return sqlite::GiveBackSpace(db_, max_bytes); }
 
   StatusOr<FrameId> InsertFrame(const FrameRecord& frame, const std::string& packet,
                                 std::span<const Observation> observations) override {

@@ -2,6 +2,7 @@
 
 #include "storage/map_store.h"
 #include "storage/sqlite/catalog.h"
+#include "storage/sqlite/compaction.h"
 #include "storage/sqlite/frames.h"
 #include "storage/sqlite/place_blocks.h"
 #include "storage/sqlite/points.h"
@@ -76,6 +77,7 @@ class MapReads : public Interface {
   StatusOr<std::vector<SessionDiff>> DiffRevisions(MapId map, Revision from, Revision to) override {
     return sqlite::DiffRevisions(db_, map, from, to);
   }
+  StatusOr<int64_t> CountHistory(MapId map, Revision oldest) override { return sqlite::CountHistory(db_, map, oldest); }
 
  protected:
   Connection& db_;

@@ -1,5 +1,6 @@
 // A map's past as an operator sees it: mapp maps log, diff, tag and show, against a real server.
 
+#include "cli/compact.h"
 #include "cli/map_history.h"
 #include "cli/maps.h"
 #include "tests/integration/rpc/rpc_fixture.h"
@@ -96,6 +97,32 @@ TEST_F(HistoryRpcTest, ShowsTheMapAsItWas) {
   EXPECT_THAT(*Show("1"), AllOf(HasSubstr("\"revision\": 1"), HasSubstr("\"num_frames\": 1")));
   EXPECT_THAT(*Show("0"), AllOf(HasSubstr("\"num_frames\": 0"), HasSubstr("\"num_points\": 0")));
   EXPECT_EQ(*Show(""), *Show(fmt::format("{}", GetMap().revision())));
+}
+
+TEST_F(HistoryRpcTest, CompactDropsWhatNeedNotBeRead) {
+  const auto compact = [this](CompactOptions options, const std::string& answer = {}) -> StatusOr<std::string> {
+    options.server = address();
+    std::istringstream in(answer);
+    std::ostringstream out;
+    MAPP_RETURN_IF_ERROR(RunCompact(options, {}, in, out));
+    return out.str();
+  };
+  const CompactOptions one{.server = {}, .map_name = {}, .keep_revisions = 1, .keep_days = {}};
+  CompactOptions dry = one, asked = one, sure = one, elsewhere = one;
+  dry.dry_run = asked.interactive = sure.yes = true;
+  EXPECT_THAT(*compact(dry), ContainsRegex("room +0 -> 2"));
+  EXPECT_THAT(compact(one).status().message(), HasSubstr("needs --yes"));
+  EXPECT_THAT(compact(asked, "n\n").status().message(), HasSubstr("nothing was dropped"));
+  EXPECT_TRUE(Show("1").ok());
+  EXPECT_THAT(*compact(asked, "y\n"), ContainsRegex("room +0 -> 2"));
+  EXPECT_THAT(Show("1").status().message(), HasSubstr("compacted away: the oldest one kept is 2"));
+  EXPECT_THAT(*Show("2"), HasSubstr("\"num_frames\": 2"));
+  EXPECT_THAT(*Log(), HasSubstr("compacted: the oldest to be read is 2"));
+  sure.json = true;
+  EXPECT_THAT(*compact(sure), AllOf(HasSubstr("\"oldest_revision\": 2"), HasSubstr("\"num_rows\": 0")));
+  elsewhere.map_name = "cellar";
+  EXPECT_THAT(compact(elsewhere).status().message(), HasSubstr("\"cellar\" does not exist"));
+  EXPECT_THAT(compact({}).status().message(), HasSubstr("say what to keep"));
 }
 
 }  // namespace

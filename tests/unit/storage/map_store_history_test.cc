@@ -341,6 +341,69 @@ TEST_P(MapStoreHistoryTest, DifferencesAreThoseBetweenTheStates) {
   }
 }
 
+TEST_P(MapStoreHistoryTest, DroppedHistoryTakesNothingFromWhatIsKept) {
+  for (uint64_t seed = 21; seed <= 24; ++seed) {
+    const Scene scene = NewScene(fmt::format("map {}", seed));
+    RandomWrites writes(scene, seed);
+    std::map<Revision, std::string> expected;
+    for (int i = 0; i < 60; ++i) {
+      MustWrite([&](MapWriter& writer) { writes.Apply(writer); });
+      expected[Value(Read()->GetMap(scene.map)).revision] = DumpMap(*Read(), scene.map);
+    }
+    const std::string others = DumpMap(*Read(), scene_.map);
+    const Revision oldest = std::next(expected.begin(), static_cast<int>(5 * (seed - 20)))->first;
+    const int64_t num_rows = Value(Read()->CountHistory(scene.map, oldest));
+    ASSERT_GT(num_rows, 0);
+    int64_t num_dropped = 0;
+    for (int64_t now = -1; now != 0; num_dropped += now) {
+      MustWrite([&](MapWriter& writer) { now = Value(writer.DropHistory(scene.map, oldest, 3)); });
+    }
+    EXPECT_EQ(num_dropped, num_rows);
+    EXPECT_EQ(Value(Read()->CountHistory(scene.map, oldest)), 0);
+    EXPECT_EQ(Value(Read()->GetMap(scene.map)).oldest_revision, oldest);
+    EXPECT_EQ(DumpMap(*Read(), scene_.map), others);
+    for (const auto& [revision, dump] : expected) {
+      const auto reader = store().ReadAsOf(scene.map, revision);
+      if (revision < oldest) {
+        EXPECT_THAT(reader, HasCode(StatusCode::kOutOfRange));
+        EXPECT_THAT(std::string(reader.status().message()), testing::HasSubstr("has been compacted away"));
+      } else {
+        ASSERT_EQ(DumpMap(*Value(store().ReadAsOf(scene.map, revision)), scene.map), dump)
+            << "seed " << seed << " revision " << revision.value() << " oldest " << oldest.value();
+      }
+    }
+    EXPECT_EQ(DumpMap(*Read(), scene.map), expected.rbegin()->second);
+  }
+}
+
+TEST_P(MapStoreHistoryTest, OldestRevisionOnlyGrowsAndIsOneThatThereIs) {
+  MustWrite([&](MapWriter& writer) { Insert(writer, 1, 1); });
+  MustWrite([&](MapWriter& writer) { Insert(writer, 2, 1); });
+  MustWrite([&](MapWriter& writer) {
+    Value(writer.DropHistory(scene_.map, Revision(1), 10));
+    EXPECT_THAT(writer.DropHistory(scene_.map, Revision(0), 10), HasCode(StatusCode::kOutOfRange));
+    EXPECT_THAT(writer.DropHistory(scene_.map, Revision(3), 10), HasCode(StatusCode::kOutOfRange));
+    EXPECT_THAT(writer.DropHistory(MapId(77), Revision(0), 10), HasCode(StatusCode::kNotFound));
+  });
+  EXPECT_EQ(Value(Read()->GetMap(scene_.map)).oldest_revision, Revision(1));
+  EXPECT_EQ(Now(), Revision(2));
+}
+
+TEST_P(MapStoreHistoryTest, UnusedSpaceIsGivenBackInSteps) {
+  MustWrite([&](MapWriter& writer) {
+    for (uint32_t number = 0; number < 20; ++number) {
+      Value(writer.InsertFrame(TestFrame(scene_.map, scene_.session, scene_.camera, number, PoseAt(0, 0, 0)),
+                               TestBytes(number, 50'000), {}));
+    }
+  });
+  MustWrite([&](MapWriter& writer) { Check(writer.DeleteMap(scene_.map)); });
+  int64_t left = -1;
+  for (int64_t before = INT64_MAX; left != 0; before = left) {
+    MustWrite([&](MapWriter& writer) { left = Value(writer.GiveBackSpace(100'000)); });
+    ASSERT_LT(left, before);
+  }
+}
+
 INSTANTIATE_TEST_SUITE_P(Engines, MapStoreHistoryTest, testing::ValuesIn(AllEngines()), EngineName);
 
 }  // namespace
