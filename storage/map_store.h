@@ -64,11 +64,12 @@ class MapReader {
   virtual StatusOr<std::vector<SessionDiff>> DiffRevisions(MapId map, Revision from, Revision to) = 0;
 };
 
-/// Reads and changes inside one transaction; reads see the changes made so far.
+/// Reads and changes inside one transaction; reads see the changes made so far. A call refused for what it asks for
+/// (INVALID_ARGUMENT, NOT_FOUND, ALREADY_EXISTS, OUT_OF_RANGE) has changed nothing: the change may go on without it.
 class MapWriter : public MapReader {
  public:
-  /// ALREADY_EXISTS when the name is taken; INVALID_ARGUMENT for a tile edge or feature settings that cannot be. Id,
-  /// revision 0 and created_ns are set by the store.
+  /// ALREADY_EXISTS when the name is taken; INVALID_ARGUMENT for a tile edge, range or feature settings that cannot be.
+  /// Id, revision 0 and created_ns are set by the store.
   virtual StatusOr<MapId> CreateMap(const MapRecord& map) = 0;
   /// Deletes the map with its sessions, log, frames, points and tiles.
   virtual Status DeleteMap(MapId map) = 0;
@@ -79,6 +80,7 @@ class MapWriter : public MapReader {
   /// Id and opened_ns are set by the store.
   virtual StatusOr<SessionId> InsertSession(const SessionRecord& session) = 0;
   /// Writes closed_ns, T_map_session with its scale, aligned_at_keyframe, optimized and quarantine of the session.
+  /// INVALID_ARGUMENT: a pose that is not finite, a scale that is not positive.
   virtual Status UpdateSession(const SessionRecord& session) = 0;
 
   /// Revision of this transaction for `map`: the map's next one, the same however often it is asked in one Write.
