@@ -66,11 +66,12 @@ class MapReader {
   virtual StatusOr<int64_t> CountHistory(MapId map, Revision oldest) = 0;
 };
 
-/// Reads and changes inside one transaction; reads see the changes made so far.
+/// Reads and changes inside one transaction; reads see the changes made so far. A call refused for what it asks for
+/// (INVALID_ARGUMENT, NOT_FOUND, ALREADY_EXISTS, OUT_OF_RANGE) has changed nothing: the change may go on without it.
 class MapWriter : public MapReader {
  public:
-  /// ALREADY_EXISTS when the name is taken; INVALID_ARGUMENT for a tile edge or feature settings that cannot be. Id,
-  /// revision 0 and created_ns are set by the store.
+  /// ALREADY_EXISTS when the name is taken; INVALID_ARGUMENT for a tile edge, range or feature settings that cannot be.
+  /// Id, revision 0 and created_ns are set by the store.
   virtual StatusOr<MapId> CreateMap(const MapRecord& map) = 0;
   /// Deletes the map with its sessions, log, frames, points and tiles.
   virtual Status DeleteMap(MapId map) = 0;
@@ -81,6 +82,7 @@ class MapWriter : public MapReader {
   /// Id and opened_ns are set by the store.
   virtual StatusOr<SessionId> InsertSession(const SessionRecord& session) = 0;
   /// Writes closed_ns, T_map_session with its scale, aligned_at_keyframe, optimized and quarantine of the session.
+  /// INVALID_ARGUMENT: a pose that is not finite, a scale that is not positive.
   virtual Status UpdateSession(const SessionRecord& session) = 0;
 
   /// Revision of this transaction for `map`: the map's next one, the same however often it is asked in one Write.
@@ -133,15 +135,16 @@ class MapStore {
   virtual StatusOr<std::unique_ptr<MapReader>> Read() = 0;
 
   /// One map as it was at `revision`, with what was changed at it without a revision of its own: the last state that
-  /// had this number. Other maps, and what came later, do not exist for the reader. As they are now: a point's
-  /// counters, descriptor and direction where they changed in place (see TouchPoint), place blocks, tags; a tile's
-  /// revision is at most `revision`. NOT_FOUND: no such map. OUT_OF_RANGE: it has no such revision, or it has been
-  /// compacted away.
+  /// had this number. Other maps, and what came later, do not exist for the reader. Place blocks and tags are as they
+  /// are now, and so may be a point's counters, descriptor and direction where they changed in place (see TouchPoint);
+  /// a tile's revision is at most `revision`. NOT_FOUND: no such map. OUT_OF_RANGE: it has no such revision, or it has
+  /// been compacted away.
   virtual StatusOr<std::unique_ptr<MapReader>> ReadAsOf(MapId map, Revision revision) = 0;
 
-  /// Runs `change` on the writer thread and returns when it is durable. Changes that wait together share one commit;
-  /// each sees those before it; one that returns an error is undone alone and its error returned. `on_commit`, if
-  /// given, runs on the writer thread after the commit, in commit order, before Write returns: publish caches there.
+  /// Runs `change` while no other runs, on a thread of the store's choice, and returns when it is durable. Changes that
+  /// wait together may share one commit; each sees those before it; one that returns an error, or throws (INTERNAL), is
+  /// undone alone and its error returned. `on_commit`, if given, runs after the commit, in commit order, before Write
+  /// returns and before any later change's: publish caches there. Neither may call Write.
   /// RESOURCE_EXHAUSTED on a full disk, DEADLINE_EXCEEDED when the deadline passed before the change began.
   /// A change that has begun is never abandoned.
   virtual Status Write(const CallContext& context, std::function<Status(MapWriter&)> change,

@@ -1,14 +1,11 @@
 #include "storage/sqlite/catalog.h"
 
+#include "storage/checks.h"
 #include "storage/sqlite/blobs.h"
 #include "storage/sqlite/rows.h"
 
-#include <fmt/format.h>
-
 namespace mapp::sqlite {
 namespace {
-
-Status NoSuchMap(MapId map) { return absl::NotFoundError(fmt::format("map {} does not exist", map.value())); }
 
 /// Of an UPDATE ... RETURNING by primary key: NOT_FOUND when it met no row.
 Status RunOnOneRow(Statement& statement, const Status& not_found) {
@@ -76,14 +73,14 @@ StatusOr<std::vector<MapRecord>> ListMaps(Connection& db) {
 StatusOr<MapRecord> FindMap(Connection& db, const std::string& name) {
   Statement query = db.Prepare("SELECT " MAPP_MAP_COLUMNS " FROM maps WHERE name = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(name).Step());
-  if (!has_row) return absl::NotFoundError(fmt::format("map \"{}\" does not exist", name));
+  if (!has_row) return internal::NoSuchMap(name);
   return ReadMap(query);
 }
 
 StatusOr<MapRecord> GetMap(Connection& db, MapId map) {
   Statement query = db.Prepare("SELECT " MAPP_MAP_COLUMNS " FROM maps WHERE map_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(map).Step());
-  if (!has_row) return NoSuchMap(map);
+  if (!has_row) return internal::NoSuchMap(map);
   return ReadMap(query);
 }
 
@@ -98,26 +95,23 @@ StatusOr<std::vector<SessionRecord>> ListSessions(Connection& db, std::optional<
 StatusOr<SessionRecord> GetSession(Connection& db, SessionId session) {
   Statement query = db.Prepare("SELECT " MAPP_SESSION_COLUMNS " FROM sessions WHERE session_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(session).Step());
-  if (!has_row) return absl::NotFoundError(fmt::format("session {} does not exist", session.value()));
+  if (!has_row) return internal::NoSuchSession(session);
   return ReadSession(query);
 }
 
 StatusOr<CameraRecord> GetCamera(Connection& db, CameraId camera) {
   Statement query = db.Prepare("SELECT " MAPP_CAMERA_COLUMNS " FROM cameras WHERE camera_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(camera).Step());
-  if (!has_row) return absl::NotFoundError(fmt::format("camera {} does not exist", camera.value()));
+  if (!has_row) return internal::NoSuchCamera(camera);
   return ReadCamera(query);
 }
 
 StatusOr<MapId> CreateMap(Connection& db, ChangeLedger& ledger, const MapRecord& map) {
-  if (!(map.tile_edge_m > 0)) {
-    return absl::InvalidArgumentError(fmt::format("map.tile_edge_m: must be positive, got {}", map.tile_edge_m));
-  }
+  MAPP_RETURN_IF_ERROR(internal::CheckMap(map));
   Statement taken = db.Prepare("SELECT 1 FROM maps WHERE name = ?");
   MAPP_ASSIGN_OR_RETURN(const bool exists, taken.Bind(map.name).Step());
-  if (exists) return absl::AlreadyExistsError(fmt::format("map \"{}\" exists", map.name));
+  if (exists) return internal::MapExists(map.name);
   const FeatureSettings& features = map.features;
-  MAPP_RETURN_IF_ERROR(features.Validate());
   MAPP_RETURN_IF_ERROR(
       db.Prepare("INSERT INTO maps (name, created_ns, revision, tile_edge_m, cone_range_m, num_frames, num_points, "
                  "num_sessions, feature_descriptor, feature_scale_factor, feature_num_levels, feature_patch_size_px) "
@@ -129,7 +123,7 @@ StatusOr<MapId> CreateMap(Connection& db, ChangeLedger& ledger, const MapRecord&
 }
 
 Status DeleteMap(Connection& db, ChangeLedger& ledger, MapId map) {
-  MAPP_RETURN_IF_ERROR(CheckExists(db, "SELECT 1 FROM maps WHERE map_id = ?", map.value(), NoSuchMap(map)));
+  MAPP_RETURN_IF_ERROR(CheckExists(db, "SELECT 1 FROM maps WHERE map_id = ?", map.value(), internal::NoSuchMap(map)));
   ledger.Forget(map);
   for (const char* sql : kDeleteMapStatements) MAPP_RETURN_IF_ERROR(db.Prepare(sql).Bind(map).Run());
   MAPP_RETURN_IF_ERROR(DeleteSessions(db, map));
@@ -139,16 +133,17 @@ Status DeleteMap(Connection& db, ChangeLedger& ledger, MapId map) {
 Status SetFounder(Connection& db, ChangeLedger& ledger, MapId map, SessionId founder) {
   MAPP_RETURN_IF_ERROR(ledger.ReviseMap(map));
   Statement update = db.Prepare("UPDATE maps SET founder_session_id = ? WHERE map_id = ? RETURNING 1");
-  return RunOnOneRow(update.Bind(founder, map), NoSuchMap(map));
+  return RunOnOneRow(update.Bind(founder, map), internal::NoSuchMap(map));
 }
 
 Status SetMetricScale(Connection& db, ChangeLedger& ledger, MapId map, bool has_metric_scale) {
   MAPP_RETURN_IF_ERROR(ledger.ReviseMap(map));
   Statement update = db.Prepare("UPDATE maps SET has_metric_scale = ? WHERE map_id = ? RETURNING 1");
-  return RunOnOneRow(update.Bind(has_metric_scale, map), NoSuchMap(map));
+  return RunOnOneRow(update.Bind(has_metric_scale, map), internal::NoSuchMap(map));
 }
 
 StatusOr<CameraId> InsertCamera(Connection& db, const Camera& camera) {
+  MAPP_RETURN_IF_ERROR(internal::CheckCamera(camera));
   const std::string model = ModelName(camera.projection);
   const std::string coefficients = EncodeDoubles(Coefficients(camera.projection));
   MAPP_RETURN_IF_ERROR(db.Prepare("INSERT INTO cameras (model, coefficients, width_px, height_px, stereo_baseline_m) "
@@ -159,10 +154,12 @@ StatusOr<CameraId> InsertCamera(Connection& db, const Camera& camera) {
 }
 
 StatusOr<SessionId> InsertSession(Connection& db, ChangeLedger& ledger, const SessionRecord& session) {
-  MAPP_RETURN_IF_ERROR(ledger.AddSessions(session.map, 1));
+  MAPP_RETURN_IF_ERROR(internal::CheckSession(session));
   MAPP_RETURN_IF_ERROR(
-      CheckExists(db, "SELECT 1 FROM cameras WHERE camera_id = ?", session.camera.value(),
-                  absl::NotFoundError(fmt::format("camera {} does not exist", session.camera.value()))));
+      CheckExists(db, "SELECT 1 FROM maps WHERE map_id = ?", session.map.value(), internal::NoSuchMap(session.map)));
+  MAPP_RETURN_IF_ERROR(CheckExists(db, "SELECT 1 FROM cameras WHERE camera_id = ?", session.camera.value(),
+                                   internal::NoSuchCamera(session.camera)));
+  MAPP_RETURN_IF_ERROR(ledger.AddSessions(session.map, 1));
   MAPP_RETURN_IF_ERROR(
       db.Prepare("INSERT INTO sessions (map_id, camera_id, device, sensor, opened_ns, num_keyframes, "
                  "num_upload_bytes) VALUES (?, ?, ?, ?, ?, 0, 0)")
@@ -177,6 +174,7 @@ StatusOr<SessionId> InsertSession(Connection& db, ChangeLedger& ledger, const Se
 }
 
 Status UpdateSession(Connection& db, ChangeLedger& ledger, const SessionRecord& session) {
+  MAPP_RETURN_IF_ERROR(internal::CheckSession(session));
   MAPP_RETURN_IF_ERROR(ledger.ReviseSession(session.id));
   Statement update = db.Prepare(
       "UPDATE sessions SET closed_ns = ?, aligned_at_keyframe = ?, optimized_revision = ?, tx_m = ?, ty_m = ?, "
@@ -194,8 +192,7 @@ Status UpdateSession(Connection& db, ChangeLedger& ledger, const SessionRecord& 
   } else {
     for (int i = 0; i < 3; ++i) update.Bind(std::optional<int64_t>());
   }
-  return RunOnOneRow(update.Bind(session.scale_map_session, session.id),
-                     absl::NotFoundError(fmt::format("session {} does not exist", session.id.value())));
+  return RunOnOneRow(update.Bind(session.scale_map_session, session.id), internal::NoSuchSession(session.id));
 }
 
 }  // namespace mapp::sqlite

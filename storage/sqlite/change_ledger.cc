@@ -1,15 +1,12 @@
 #include "storage/sqlite/change_ledger.h"
 
-#include <fmt/format.h>
+#include "storage/checks.h"
 
 #include <algorithm>
 #include <utility>
 
 namespace mapp::sqlite {
 namespace {
-
-/// Tile indices lie in [-kTileIndexLimit, kTileIndexLimit): what TileKey::Packed can hold.
-constexpr double kTileIndexLimit = 1 << 20;
 
 /// Stands for the revision that ends an archived version until the end of the change. Greater than any.
 constexpr int64_t kOpenEnd = INT64_MAX;
@@ -20,7 +17,7 @@ StatusOr<ChangeLedger::MapEntry*> ChangeLedger::Entry(MapId map) {
   if (const auto found = maps_.find(map); found != maps_.end()) return &found->second;
   Statement query = db_.Prepare("SELECT revision, tile_edge_m FROM maps WHERE map_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(map).Step());
-  if (!has_row) return absl::NotFoundError(fmt::format("map {} does not exist", map.value()));
+  if (!has_row) return internal::NoSuchMap(map);
   MapEntry& entry = maps_[map];
   entry.base = query.GetId<Revision>(0);
   entry.tile_edge_m = query.Double(1);
@@ -37,7 +34,7 @@ StatusOr<MapId> ChangeLedger::MapOfSession(SessionId session) {
   if (const auto found = sessions_.find(session); found != sessions_.end()) return found->second;
   Statement query = db_.Prepare("SELECT map_id FROM sessions WHERE session_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(session).Step());
-  if (!has_row) return absl::NotFoundError(fmt::format("session {} does not exist", session.value()));
+  if (!has_row) return internal::NoSuchSession(session);
   return sessions_[session] = query.GetId<MapId>(0);
 }
 
@@ -70,7 +67,7 @@ Status ChangeLedger::AttributeTo(MapId map, SessionId session) {
 }
 
 Status ChangeLedger::SetCause(MapId map, RevisionCause cause, std::optional<SessionId> session) {
-  if (cause == RevisionCause::kUnknown) return absl::InvalidArgumentError("cause: must be a known one");
+  MAPP_RETURN_IF_ERROR(internal::CheckCause(cause));
   MAPP_ASSIGN_OR_RETURN(MapEntry * entry, Entry(map));
   entry->cause = cause;
   entry->session = session;
@@ -112,12 +109,8 @@ Status ChangeLedger::ReviseMap(MapId map) {
 
 StatusOr<int64_t> ChangeLedger::TileAt(MapId map, const Eigen::Vector3d& p_map) {
   MAPP_ASSIGN_OR_RETURN(const MapEntry* entry, Entry(map));
-  // Written so that a NaN fails it, too.
-  if (!(p_map.cwiseAbs().maxCoeff() / entry->tile_edge_m < kTileIndexLimit)) {
-    return absl::InvalidArgumentError(
-        fmt::format("point.position: ({}, {}, {}) m is outside of the map's tiling", p_map.x(), p_map.y(), p_map.z()));
-  }
-  return TileOf(map, TileGrid{entry->tile_edge_m}.KeyOf(p_map));
+  MAPP_ASSIGN_OR_RETURN(const TileKey key, internal::TileAt(entry->tile_edge_m, p_map));
+  return TileOf(map, key);
 }
 
 StatusOr<int64_t> ChangeLedger::TileOf(MapId map, const TileKey& key) {

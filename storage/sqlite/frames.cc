@@ -1,6 +1,7 @@
 #include "storage/sqlite/frames.h"
 
 #include "mapp/base/bytes.h"
+#include "storage/checks.h"
 #include "storage/sqlite/blobs.h"
 #include "storage/sqlite/rows.h"
 
@@ -8,12 +9,6 @@
 
 namespace mapp::sqlite {
 namespace {
-
-Status NoSuchFrame(FrameId frame) { return absl::NotFoundError(fmt::format("frame {} does not exist", frame.value())); }
-
-Status CheckFinite(const Pose3& pose) {
-  return pose.IsFinite() ? absl::OkStatus() : absl::InvalidArgumentError("frame.T_frame_camera: must be finite");
-}
 
 /// Enters the camera centre of a frame in the map, or takes it out.
 Status Index(Connection& db, MapId map, FrameId frame, bool in_map, const Eigen::Vector3d& center) {
@@ -24,11 +19,6 @@ Status Index(Connection& db, MapId map, FrameId frame, bool in_map, const Eigen:
 }
 
 Status AppendToLog(Connection& db, int64_t now_ns, const FrameRecord& frame, const std::string& packet) {
-  MAPP_ASSIGN_OR_RETURN(const std::optional<FrameId> stored, FindFrame(db, frame.session, frame.number));
-  if (stored) {
-    return absl::AlreadyExistsError(fmt::format("keyframe {} of session {} is stored as frame {}", frame.number,
-                                                frame.session.value(), stored->value()));
-  }
   MAPP_RETURN_IF_ERROR(
       db.Prepare("INSERT INTO keyframe_log (session_id, number, received_ns, crc32c, packet) VALUES (?, ?, ?, ?, ?)")
           .Bind(frame.session, frame.number, now_ns, Crc32c(packet), Blob{packet})
@@ -50,7 +40,7 @@ struct Standing {
 StatusOr<Standing> GetStanding(Connection& db, FrameId frame) {
   Statement query = db.Prepare("SELECT map_id, in_map FROM frames WHERE frame_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(frame).Step());
-  if (!has_row) return NoSuchFrame(frame);
+  if (!has_row) return internal::NoSuchFrame(frame);
   return Standing{.map = query.GetId<MapId>(0), .in_map = query.Int64(1) != 0};
 }
 
@@ -66,7 +56,7 @@ StatusOr<std::optional<FrameId>> FindFrame(Connection& db, SessionId session, ui
 StatusOr<FrameRecord> GetFrame(Connection& db, FrameId frame) {
   Statement query = db.Prepare("SELECT " MAPP_FRAME_COLUMNS " FROM frames WHERE frame_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(frame).Step());
-  if (!has_row) return NoSuchFrame(frame);
+  if (!has_row) return internal::NoSuchFrame(frame);
   return ReadFrame(query);
 }
 
@@ -101,7 +91,7 @@ StatusOr<std::vector<FrameRecord>> FramesInBox(Connection& db, MapId map, const 
 StatusOr<std::string> GetPacket(Connection& db, FrameId frame) {
   Statement query = db.Prepare("SELECT packet, crc32c FROM keyframe_log WHERE frame_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(frame).Step());
-  if (!has_row) return NoSuchFrame(frame);
+  if (!has_row) return internal::NoSuchFrame(frame);
   std::string packet(query.Bytes(0));
   if (const uint32_t crc = Crc32c(packet); crc != query.Int64(1)) {
     return absl::DataLossError(
@@ -113,7 +103,7 @@ StatusOr<std::string> GetPacket(Connection& db, FrameId frame) {
 StatusOr<std::vector<Observation>> GetObservations(Connection& db, FrameId frame) {
   Statement query = db.Prepare("SELECT observations FROM frame_observations WHERE frame_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(frame).Step());
-  if (!has_row) return NoSuchFrame(frame);
+  if (!has_row) return internal::NoSuchFrame(frame);
   StatusOr<std::vector<Observation>> observations = DecodeObservations(query.Bytes(0));
   if (!observations.ok()) return Annotate(observations.status(), fmt::format("frame {}", frame.value()));
   return observations;
@@ -121,12 +111,11 @@ StatusOr<std::vector<Observation>> GetObservations(Connection& db, FrameId frame
 
 StatusOr<FrameId> InsertFrame(Connection& db, ChangeLedger& ledger, const FrameRecord& frame, const std::string& packet,
                               std::span<const Observation> observations) {
-  MAPP_RETURN_IF_ERROR(CheckFinite(frame.T_frame_camera));
+  MAPP_RETURN_IF_ERROR(internal::CheckPose(frame.T_frame_camera));
   MAPP_ASSIGN_OR_RETURN(const MapId map, ledger.MapOfSession(frame.session));
-  if (map != frame.map) {
-    return absl::InvalidArgumentError(fmt::format("frame.map: session {} belongs to map {}, got {}",
-                                                  frame.session.value(), map.value(), frame.map.value()));
-  }
+  MAPP_RETURN_IF_ERROR(internal::CheckFrame(frame, map));
+  MAPP_ASSIGN_OR_RETURN(const std::optional<FrameId> stored, FindFrame(db, frame.session, frame.number));
+  if (stored) return internal::KeyframeIsStored(frame, *stored);
   MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(map));
   MAPP_RETURN_IF_ERROR(ledger.AttributeTo(map, frame.session));
   MAPP_RETURN_IF_ERROR(AppendToLog(db, ledger.now_ns(), frame, packet));
@@ -154,7 +143,7 @@ StatusOr<FrameId> InsertFrame(Connection& db, ChangeLedger& ledger, const FrameR
 }
 
 Status SetFramePose(Connection& db, ChangeLedger& ledger, FrameId frame, bool in_map, const Pose3& T_frame_camera) {
-  MAPP_RETURN_IF_ERROR(CheckFinite(T_frame_camera));
+  MAPP_RETURN_IF_ERROR(internal::CheckPose(T_frame_camera));
   MAPP_ASSIGN_OR_RETURN(const Standing old, GetStanding(db, frame));
   MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(old.map));
   // A version that begins and ends in one revision could never be read: it leaves no history.

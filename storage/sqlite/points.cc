@@ -1,18 +1,11 @@
 #include "storage/sqlite/points.h"
 
+#include "storage/checks.h"
 #include "storage/sqlite/blobs.h"
 #include "storage/sqlite/rows.h"
 
-#include <fmt/format.h>
-
-#include <cmath>
-
 namespace mapp::sqlite {
 namespace {
-
-Status NoSuchPoint(MapPointId point) {
-  return absl::NotFoundError(fmt::format("point {} does not exist or is retired", point.value()));
-}
 
 /// Where a live point stands before it is changed.
 struct PointStanding {
@@ -24,22 +17,12 @@ struct PointStanding {
 StatusOr<PointStanding> GetPointStanding(Connection& db, ChangeLedger& ledger, MapPointId point) {
   Statement query = db.Prepare("SELECT session_id, tile_id, created_revision FROM points WHERE point_id = ?");
   MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(point).Step());
-  if (!has_row) return NoSuchPoint(point);
+  if (!has_row) return internal::NoSuchPoint(point);
   PointStanding standing;
   standing.created = query.GetId<Revision>(2);
   if (!query.IsNull(1)) standing.tile_id = query.Int64(1);
   MAPP_ASSIGN_OR_RETURN(standing.map, ledger.MapOfSession(query.GetId<SessionId>(0)));
   return standing;
-}
-
-/// What SQLite would store as NULL.
-Status CheckFinite(const PointRecord& point) {
-  if (!point.position.allFinite()) return absl::InvalidArgumentError("point.position: must be finite");
-  if (!std::isfinite(point.confidence)) return absl::InvalidArgumentError("point.confidence: must be finite");
-  if (!std::isfinite(point.reference_distance_m)) {
-    return absl::InvalidArgumentError("point.reference_distance_m: must be finite");
-  }
-  return absl::OkStatus();
 }
 
 StatusOr<std::optional<int64_t>> TileFor(ChangeLedger& ledger, MapId map, const PointRecord& point) {
@@ -85,7 +68,7 @@ StatusOr<std::vector<PointRecord>> ReadPoints(Connection& db, std::span<const Ma
       MAPP_ASSIGN_OR_RETURN(PointRecord record, ReadPoint(query));
       records.push_back(std::move(record));
     } else if (!skip_missing) {
-      return NoSuchPoint(point);
+      return internal::NoSuchPoint(point);
     }
   }
   return records;
@@ -139,14 +122,11 @@ StatusOr<std::vector<PointRecord>> PointsOfSession(Connection& db, SessionId ses
 }
 
 StatusOr<MapPointId> InsertPoint(Connection& db, ChangeLedger& ledger, MapId map, const PointRecord& point) {
-  MAPP_RETURN_IF_ERROR(CheckFinite(point));
+  MAPP_RETURN_IF_ERROR(internal::CheckPoint(point));
   MAPP_ASSIGN_OR_RETURN(const MapId map_of_session, ledger.MapOfSession(point.session));
-  if (map != map_of_session) {
-    return absl::InvalidArgumentError(fmt::format("point.session: session {} belongs to map {}, got {}",
-                                                  point.session.value(), map_of_session.value(), map.value()));
-  }
-  MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(map));
+  MAPP_RETURN_IF_ERROR(internal::CheckPointsMap(point, map_of_session, map));
   MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> tile_id, TileFor(ledger, map, point));
+  MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(map));
   MAPP_ASSIGN_OR_RETURN(const MapPointId id, ledger.NewPointId());
   const std::string observers = EncodeObservers(point.observers);
   MAPP_RETURN_IF_ERROR(
@@ -165,10 +145,10 @@ StatusOr<MapPointId> InsertPoint(Connection& db, ChangeLedger& ledger, MapId map
 }
 
 Status UpdatePoint(Connection& db, ChangeLedger& ledger, const PointRecord& point) {
-  MAPP_RETURN_IF_ERROR(CheckFinite(point));
+  MAPP_RETURN_IF_ERROR(internal::CheckPoint(point));
   MAPP_ASSIGN_OR_RETURN(const PointStanding old, GetPointStanding(db, ledger, point.id));
-  MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(old.map));
   MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> tile_id, TileFor(ledger, old.map, point));
+  MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(old.map));
   // A version that begins and ends in one revision could never be read: it leaves no history.
   if (old.created != revision) MAPP_RETURN_IF_ERROR(Archive(db, point.id, revision, std::nullopt));
   MAPP_RETURN_IF_ERROR(db.Prepare("UPDATE points SET created_revision = ?, tile_id = ?, x_m = ?, y_m = ?, z_m = ?, "
@@ -182,7 +162,7 @@ Status UpdatePoint(Connection& db, ChangeLedger& ledger, const PointRecord& poin
 }
 
 Status TouchPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point) {
-  MAPP_RETURN_IF_ERROR(CheckFinite(point));
+  MAPP_RETURN_IF_ERROR(internal::CheckPoint(point));
   MAPP_ASSIGN_OR_RETURN(const MapId map, ledger.MapOfSession(point.session));
   MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> tile_id, TileFor(ledger, map, point));
   const std::string observers = EncodeObservers(point.observers);
@@ -192,16 +172,16 @@ Status TouchPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point
           .Bind(Blob{DirectionBytes(point.view_direction)}, Blob{point.descriptor.Bytes()}, point.reference_distance_m,
                 point.num_observations, point.confidence, Blob{observers}, point.id)
           .Run());
-  if (db.num_changed() == 0) return NoSuchPoint(point.id);
+  if (db.num_changed() == 0) return internal::NoSuchPoint(point.id);
   return tile_id ? ledger.ChangeTile(map, *tile_id, 0) : absl::OkStatus();
 }
 
 Status RetirePoint(Connection& db, ChangeLedger& ledger, MapPointId point, std::optional<MapPointId> fused_into) {
   MAPP_ASSIGN_OR_RETURN(const PointStanding old, GetPointStanding(db, ledger, point));
+  MAPP_RETURN_IF_ERROR(internal::CheckFusesIntoAnother(point, fused_into));
   if (fused_into) {
-    if (*fused_into == point) return absl::InvalidArgumentError("fused_into: a point cannot fuse into itself");
     MAPP_ASSIGN_OR_RETURN(const PointStanding successor, GetPointStanding(db, ledger, *fused_into));
-    if (successor.map != old.map) return absl::InvalidArgumentError("fused_into: a point of another map");
+    MAPP_RETURN_IF_ERROR(internal::CheckFusion(old.map, successor.map));
   }
   MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(old.map));
   MAPP_RETURN_IF_ERROR(Archive(db, point, revision, fused_into));

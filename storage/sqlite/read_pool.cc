@@ -1,5 +1,6 @@
 #include "storage/sqlite/read_pool.h"
 
+#include "storage/checks.h"
 #include "storage/sqlite/as_of.h"
 #include "storage/sqlite/database_file.h"
 #include "storage/sqlite/map_reads.h"
@@ -47,7 +48,7 @@ StatusOr<std::unique_ptr<MapReader>> ReadPool::OpenReader() {
 StatusOr<std::unique_ptr<MapReader>> ReadPool::OpenReaderAsOf(MapId map, Revision revision) {
   {
     const MutexLock lock(mutex_);
-    if (closed_) return absl::UnavailableError("map database is closed");
+    if (closed_) return internal::StoreIsClosed();
   }
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Connection> connection, OpenForReading(file_, options_));
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<Transaction> snapshot,
@@ -66,7 +67,7 @@ void ReadPool::Close() {
 StatusOr<std::unique_ptr<Connection>> ReadPool::Borrow() {
   {
     MutexLock lock(mutex_);
-    if (closed_) return absl::UnavailableError("map database is closed");
+    if (closed_) return internal::StoreIsClosed();
     if (!idle_.empty()) {
       std::unique_ptr<Connection> connection = std::move(idle_.back());
       idle_.pop_back();

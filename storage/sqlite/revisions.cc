@@ -1,5 +1,6 @@
 #include "storage/sqlite/revisions.h"
 
+#include "storage/checks.h"
 #include "storage/sqlite/catalog.h"
 
 #include <fmt/format.h>
@@ -84,16 +85,7 @@ Status AddDiff(Statement query, const Counters& counters, std::map<SessionId, Se
 
 Status CheckRevision(Connection& db, MapId map, Revision revision) {
   MAPP_ASSIGN_OR_RETURN(const MapRecord record, GetMap(db, map));
-  if (revision > record.revision) {
-    return absl::OutOfRangeError(fmt::format("map \"{}\" has no revision {}: its last one is {}", record.name,
-                                             revision.value(), record.revision.value()));
-  }
-  if (revision < record.oldest_revision) {
-    return absl::OutOfRangeError(
-        fmt::format("revision {} of map \"{}\" has been compacted away: the oldest one kept is {}", revision.value(),
-                    record.name, record.oldest_revision.value()));
-  }
-  return absl::OkStatus();
+  return internal::CheckRevision(record, revision);
 }
 
 StatusOr<std::vector<RevisionRecord>> ListRevisions(Connection& db, MapId map, Revision first, Revision last) {
@@ -133,10 +125,7 @@ StatusOr<std::vector<TagRecord>> ListTags(Connection& db, MapId map) {
 }
 
 StatusOr<std::vector<SessionDiff>> DiffRevisions(Connection& db, MapId map, Revision from, Revision to) {
-  if (from > to) {
-    return absl::InvalidArgumentError(
-        fmt::format("revisions: the first must not be later than the second, got {} and {}", from.value(), to.value()));
-  }
+  MAPP_RETURN_IF_ERROR(internal::CheckRevisionOrder(from, to));
   MAPP_RETURN_IF_ERROR(CheckRevision(db, map, from));
   MAPP_RETURN_IF_ERROR(CheckRevision(db, map, to));
   std::map<SessionId, SessionDiff> diffs;
@@ -156,10 +145,7 @@ StatusOr<std::vector<SessionDiff>> DiffRevisions(Connection& db, MapId map, Revi
 }
 
 Status PutTag(Connection& db, ChangeLedger& ledger, MapId map, const std::string& name, Revision revision) {
-  const bool is_number = std::all_of(name.begin(), name.end(), [](char c) { return c >= '0' && c <= '9'; });
-  if (is_number) {  // so is the empty one
-    return absl::InvalidArgumentError(fmt::format("tag: must be a name that is no number, got \"{}\"", name));
-  }
+  MAPP_RETURN_IF_ERROR(internal::CheckTagName(name));
   MAPP_RETURN_IF_ERROR(ledger.Flush());
   MAPP_RETURN_IF_ERROR(CheckRevision(db, map, revision));
   return db
@@ -174,7 +160,7 @@ Status DeleteTag(Connection& db, MapId map, const std::string& name) {
   MAPP_ASSIGN_OR_RETURN(const MapRecord record, GetMap(db, map));
   MAPP_RETURN_IF_ERROR(db.Prepare("DELETE FROM tags WHERE map_id = ? AND name = ?").Bind(map, name).Run());
   if (db.num_changed() > 0) return absl::OkStatus();
-  return absl::NotFoundError(fmt::format("map \"{}\" has no tag \"{}\"", record.name, name));
+  return internal::NoSuchTag(record, name);
 }
 
 }  // namespace mapp::sqlite

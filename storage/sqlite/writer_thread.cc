@@ -1,8 +1,7 @@
 #include "storage/sqlite/writer_thread.h"
 
+#include "storage/checks.h"
 #include "storage/sqlite/change.h"
-
-#include <fmt/format.h>
 
 #include <algorithm>
 #include <exception>
@@ -31,7 +30,7 @@ Status WriterThread::Write(const CallContext& context, std::function<Status(MapW
                            std::function<void()> on_commit) {
   Request request{.context = context, .change = change, .on_commit = on_commit, .status = {}};
   MutexLock lock(mutex_);
-  if (stopping_) return absl::UnavailableError("map database is closed");
+  if (stopping_) return internal::StoreIsClosed();
   queue_.push_back(&request);
   queue_changed_.NotifyOne();
   while (request.state != State::kDone) {
@@ -39,7 +38,7 @@ Status WriterThread::Write(const CallContext& context, std::function<Status(MapW
       batch_done_.Wait(mutex_);
     } else if (!batch_done_.WaitUntil(mutex_, context.deadline) && request.state == State::kQueued) {
       std::erase(queue_, &request);
-      return absl::DeadlineExceededError("map database: the change had to wait past its deadline");
+      return internal::WaitedPastDeadline();
     }
   }
   return request.status;
@@ -138,7 +137,7 @@ Status WriterThread::RunChange(const Request& request) {
     MAPP_RETURN_IF_ERROR(request.change(change));
   } catch (const std::exception& error) {
     // The caller's code runs on this thread; whatever it throws must not end the service.
-    return absl::InternalError(fmt::format("change of the map database threw: {}", error.what()));
+    return internal::ChangeThrew(error);
   }
   return change.Finish();
 }

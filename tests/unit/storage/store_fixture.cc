@@ -1,6 +1,7 @@
 #include "tests/unit/storage/store_fixture.h"
 
 #include "mapp/base/rng.h"
+#include "storage/memory/memory_map_store.h"
 #include "storage/sqlite/sqlite_map_store.h"
 
 #include <cstdlib>
@@ -19,11 +20,18 @@ TempFolder::~TempFolder() {
 }
 
 std::vector<Engine> AllEngines() {
-  const auto open_sqlite = [](const TempFolder& folder) {
+  const auto create_sqlite = [](const TempFolder& folder, std::function<int64_t()> unix_now_ns) -> StoreOpener {
     // No test of the suite cuts the power: spare a busy disk.
-    return OpenSqliteMapStore(folder.File("maps.db"), {.sync_commits = false});
+    SqliteOptions options{.sync_commits = false};
+    if (unix_now_ns) options.unix_now_ns = std::move(unix_now_ns);
+    return [file = folder.File("maps.db"), options] { return OpenSqliteMapStore(file, options); };
   };
-  return {{.name = "Sqlite", .open = open_sqlite}};
+  const auto create_memory = [](const TempFolder&, std::function<int64_t()> unix_now_ns) -> StoreOpener {
+    MemoryOptions options;
+    if (unix_now_ns) options.unix_now_ns = std::move(unix_now_ns);
+    return [database = CreateMemoryDatabase(), options] { return OpenMemoryMapStore(database, options); };
+  };
+  return {{.name = "Sqlite", .create = create_sqlite}, {.name = "Memory", .create = create_memory}};
 }
 
 Camera TestCamera() {
@@ -91,7 +99,7 @@ Scene AddScene(MapWriter& writer, const std::string& map_name) {
 
 void MapStoreTest::Reopen() {
   store_.reset();
-  store_ = Value(GetParam().open(folder_));
+  store_ = Value(open_());
 }
 
 void MapStoreTest::MustWrite(const std::function<void(MapWriter&)>& change) {

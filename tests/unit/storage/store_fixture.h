@@ -49,11 +49,14 @@ class TempFolder {
   std::filesystem::path path_;
 };
 
+/// Opens a store: the same content when opened again, the one before being closed or gone.
+using StoreOpener = std::function<StatusOr<std::unique_ptr<MapStore>>()>;
+
 /// A storage engine under the behavioral suite. One that joins is added to AllEngines.
 struct Engine {
   std::string name;
-  /// Opens the store that lives in `folder`: the same content when opened again.
-  std::function<StatusOr<std::unique_ptr<MapStore>>(const TempFolder& folder)> open;
+  /// An empty store, which may live in `folder`. It dates what it writes with `unix_now_ns`, when given.
+  std::function<StoreOpener(const TempFolder& folder, std::function<int64_t()> unix_now_ns)> create;
 };
 inline void PrintTo(const Engine& engine, std::ostream* stream) { *stream << engine.name; }
 std::vector<Engine> AllEngines();
@@ -78,7 +81,10 @@ Scene AddScene(MapWriter& writer, const std::string& map_name);
 /// Opens a store of the engine in a folder of its own.
 class MapStoreTest : public testing::TestWithParam<Engine> {
  protected:
-  void SetUp() override { Reopen(); }
+  void SetUp() override {
+    open_ = GetParam().create(folder_, {});
+    Reopen();
+  }
   void Reopen();
 
   MapStore& store() { return *store_; }
@@ -91,6 +97,7 @@ class MapStoreTest : public testing::TestWithParam<Engine> {
 
  private:
   TempFolder folder_;
+  StoreOpener open_;
   std::unique_ptr<MapStore> store_;
 };
 
