@@ -24,6 +24,7 @@ void AddRender(CLI::App& app, Command& chosen);
 void AddServerInfo(CLI::App& app, Command& chosen);
 void AddBackup(CLI::App& app, Command& chosen);
 void AddRestore(CLI::App& app, Command& chosen);
+void AddVerify(CLI::App& app, Command& chosen);
 void AddSimulate(CLI::App& app, Command& chosen);
 /// `command_line`: as typed, for the report.
 void AddEval(CLI::App& app, const std::string& command_line, Command& chosen);

@@ -50,6 +50,7 @@ int Main(int argc, char** argv) {
   AddServerInfo(app, chosen);
   AddBackup(app, chosen);
   AddRestore(app, chosen);
+  AddVerify(app, chosen);
   AddSimulate(app, chosen);
   AddEval(app, JoinArguments(argc, argv), chosen);
   try {
