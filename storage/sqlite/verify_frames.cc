@@ -10,7 +10,10 @@
 #include <fmt/format.h>
 
 #include <cmath>
+#include <memory>
+#include <optional>
 #include <unordered_set>
+#include <vector>
 
 namespace mapp::sqlite {
 namespace {
@@ -115,14 +118,36 @@ SELECT s.map_id FROM (SELECT session_id FROM points WHERE point_id = ?1
   JOIN sessions s USING (session_id)
 )sql";
 
+/// The maps that points are or were in. Frames that follow each other observe the same points: what was asked last is
+/// kept, about a megabyte.
+class MapsOfPoints {
+ public:
+  /// nullopt: there never was such a point.
+  StatusOr<std::optional<int64_t>> Find(Connection& db, MapPointId point) {
+    Entry& entry = entries_[point.value() % entries_.size()];
+    if (entry.point == point) return entry.map;
+    Statement query = db.Prepare(kMapOfPoint);
+    MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Bind(point).Step());
+    if (!has_row) return std::optional<int64_t>();
+    entry = {point, query.Int64(0)};
+    return std::optional(entry.map);
+  }
+
+ private:
+  struct Entry {
+    std::optional<MapPointId> point;
+    int64_t map = 0;
+  };
+  std::vector<Entry> entries_ = std::vector<Entry>(1 << 15);
+};
+
 /// Columns: frame, observations, number of the frame's features, map.
-StatusOr<std::string> ObservationFault(Connection& db, const Statement& row) {
+StatusOr<std::string> ObservationFault(MapsOfPoints& maps, Connection& db, const Statement& row) {
   const StatusOr<std::vector<Observation>> observations = DecodeObservations(row.Bytes(1));
   if (!observations.ok()) return std::string(observations.status().message());
   std::string found;
   std::unordered_set<uint16_t> features;
   std::unordered_set<uint64_t> points;
-  Statement map_of_point = db.Prepare(kMapOfPoint);
   for (const Observation& seen : *observations) {
     if (seen.feature_idx >= row.Int64(2)) {
       found += fmt::format("observes with feature {} of {}\n", seen.feature_idx, row.Int64(2));
@@ -134,8 +159,8 @@ StatusOr<std::string> ObservationFault(Connection& db, const Statement& row) {
     if (!(seen.depth_m >= 0 && std::isfinite(seen.depth_m))) {
       found += fmt::format("observes point {} at depth {} m\n", seen.point.value(), seen.depth_m);
     }
-    MAPP_ASSIGN_OR_RETURN(const bool has_row, map_of_point.Reset().Bind(seen.point).Step());
-    if (!has_row || map_of_point.Int64(0) != row.Int64(3)) {
+    MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> map, maps.Find(db, seen.point));
+    if (map != row.Int64(3)) {
       found += fmt::format("observes point {}, which the map never had\n", seen.point.value());
     }
   }
@@ -145,6 +170,9 @@ StatusOr<std::string> ObservationFault(Connection& db, const Statement& row) {
 }  // namespace
 
 std::vector<VerifyCheck> FrameChecks() {
+  const auto observation_fault = [maps = std::make_shared<MapsOfPoints>()](Connection& db, const Statement& row) {
+    return ObservationFault(*maps, db, row);
+  };
   return {
       {.name = "keyframe_log", .what = "frame", .sql = kLog},
       {.name = "packets", .what = "frame", .sql = kPackets, .fault = PacketFault},
@@ -156,13 +184,13 @@ std::vector<VerifyCheck> FrameChecks() {
        .what = "frame",
        .sql = "SELECT o.frame_id, o.observations, f.num_features, f.map_id FROM frame_observations o JOIN frames f "
               "USING (frame_id)",
-       .fault = ObservationFault},
+       .fault = observation_fault},
       {.name = "observation_history", .what = "frame", .sql = kObservationHistory},
       {.name = "observation_history",
        .what = "frame",
        .sql = "SELECT o.frame_id, o.observations, f.num_features, f.map_id FROM frame_observation_history o JOIN "
               "frames f USING (frame_id)",
-       .fault = ObservationFault},
+       .fault = observation_fault},
   };
 }
 
