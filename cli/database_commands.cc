@@ -61,9 +61,12 @@ void AddRestore(CLI::App& app, Command& chosen) {
 void AddVerify(CLI::App& app, Command& chosen) {
   auto options = std::make_shared<VerifyCommandOptions>();
   CLI::App* command = app.add_subcommand("verify", "Look for all that is wrong with a database; changes nothing");
+  AddServer(*command, options->server);
   AddJson(*command, options->json);
-  command->add_option("--db", options->database, "Database to look through, whether or not a server runs on it")
-      ->required()
+  command
+      ->add_option(
+          "--db", options->database,
+          "Look through this file from here, whether or not a server runs on it, instead of asking a server to")
       ->type_name("FILE");
   command->footer(
       "Exit code 1 when anything is wrong, one line each.\nExample: mapp verify --db /var/lib/mapp/maps.db");

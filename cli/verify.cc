@@ -1,5 +1,6 @@
 #include "cli/verify.h"
 
+#include "cli/admin_client.h"
 #include "cli/progress_bar.h"
 #include "storage/verify.h"
 #include "text/json_writer.h"
@@ -7,19 +8,31 @@
 
 #include <fmt/format.h>
 
+#include <algorithm>
+#include <functional>
+
 namespace mapp {
 namespace {
 
-StatusOr<VerifyReport> VerifyFromHere(const std::string& database, const std::stop_token& stop) {
+using Observer = std::function<void(const VerifyProgress&)>;
+
+StatusOr<VerifyReport> VerifyFromHere(const std::string& database, const Observer& show, const std::stop_token& stop) {
   CallContext context;
   context.is_cancelled = [stop] { return stop.stop_requested(); };
-  ProgressBar bar("verify, %", 100);
   VerifyOptions options;
   options.check_place_block = [](std::string_view block) { return DecodePlaceBlock(block).status(); };
-  options.on_progress = [&bar](const VerifyProgress& progress) {
-    bar.Update(static_cast<size_t>(100 * progress.num_done / progress.num_checks), progress.check);
+  options.on_progress = show;
+  return VerifyDatabase(context, database, options);
+}
+
+StatusOr<VerifyReport> Verify(const VerifyCommandOptions& options, const std::stop_token& stop) {
+  ProgressBar bar("verify, %", 100);
+  const Observer show = [&bar](const VerifyProgress& progress) {
+    const int percent = 100 * progress.num_done / std::max(progress.num_checks, 1);
+    bar.Update(static_cast<size_t>(percent), progress.check);
   };
-  StatusOr<VerifyReport> report = VerifyDatabase(context, database, options);
+  StatusOr<VerifyReport> report = options.database.empty() ? AdminClient(options.server).Verify(show, stop)
+                                                           : VerifyFromHere(options.database, show, stop);
   if (absl::IsCancelled(report.status()) && stop.stop_requested()) {
     return absl::CancelledError("interrupted: not all was checked");
   }
@@ -28,7 +41,7 @@ StatusOr<VerifyReport> VerifyFromHere(const std::string& database, const std::st
 
 std::string FormatJson(const std::string& database, const VerifyReport& report) {
   JsonWriter json;
-  json.BeginObject().Field("db", database).Field("num_violations", report.num_violations());
+  json.BeginObject().Field("database", database).Field("num_violations", report.num_violations());
   json.Field("num_maps", report.num_maps).Field("num_keyframes", report.num_keyframes);
   json.Field("num_points", report.num_points).Key("violations").BeginArray();
   for (const Violation& violation : report.violations) {
@@ -63,11 +76,12 @@ std::string FormatText(const std::string& database, const VerifyReport& report) 
 }  // namespace
 
 Status RunVerify(const VerifyCommandOptions& options, const std::stop_token& stop, std::ostream& out) {
-  MAPP_ASSIGN_OR_RETURN(const VerifyReport report, VerifyFromHere(options.database, stop));
-  out << (options.json ? FormatJson(options.database, report) : FormatText(options.database, report)) << std::flush;
+  MAPP_ASSIGN_OR_RETURN(const VerifyReport report, Verify(options, stop));
+  const std::string& name = options.database.empty() ? options.server : options.database;
+  out << (options.json ? FormatJson(name, report) : FormatText(name, report)) << std::flush;
   if (report.num_violations() == 0) return absl::OkStatus();
-  return absl::DataLossError(fmt::format("{}: {} violations; restore a backup, or see docs/operations.md",
-                                         options.database, report.num_violations()));
+  return absl::DataLossError(
+      fmt::format("{}: {} violations; restore a backup, or see docs/operations.md", name, report.num_violations()));
 }
 
 }  // namespace mapp

@@ -9,7 +9,8 @@
 namespace mapp {
 
 struct VerifyCommandOptions {
-  std::string database;
+  std::string server;    ///< whose database it is; not asked with `database`
+  std::string database;  ///< file to look through from here; empty: ask the server
   bool json = false;
 };
 /// `mapp verify`. Prints every violation; DATA_LOSS with their number when there is any. CANCELLED on a stop request.

@@ -39,7 +39,7 @@ class VerifyCommandTest : public ::testing::Test {
   }
 
   const test::TempFolder folder_;
-  VerifyCommandOptions options_{.database = folder_.File("maps.db")};
+  VerifyCommandOptions options_{.server = {}, .database = folder_.File("maps.db")};
   std::ostringstream out_;
 };
 
