@@ -20,7 +20,7 @@ constexpr std::chrono::seconds kCallTimeout(10);
 /// Deleting and exporting touch everything a map holds.
 constexpr std::chrono::minutes kBulkCallTimeout(10);
 /// Any database is copied and checked by then.
-constexpr std::chrono::hours kLongCallTimeout(24);
+constexpr std::chrono::hours kWholeFileTimeout(24);
 
 Eigen::Vector3d ToVector(const v1::Point3& point) { return {point.x_m(), point.y_m(), point.z_m()}; }
 
@@ -314,7 +314,7 @@ StatusOr<CompactionSummary> AdminClient::CompactMap(const CompactionOrder& order
   if (order.keep_days) request.set_keep_days(*order.keep_days);
   request.set_dry_run(order.dry_run);
   grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + kLongCallTimeout);
+  context.set_deadline(std::chrono::system_clock::now() + kWholeFileTimeout);
   const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
   const auto reader = impl_->stub->CompactMap(&context, request);
   std::optional<CompactionSummary> summary;
@@ -367,7 +367,7 @@ StatusOr<Backup> AdminClient::BackUp(const std::string& to, int num_kept, const 
   request.set_to(to);
   request.set_num_kept(static_cast<uint32_t>(num_kept));
   grpc::ClientContext context;
-  context.set_deadline(std::chrono::system_clock::now() + kLongCallTimeout);
+  context.set_deadline(std::chrono::system_clock::now() + kWholeFileTimeout);
   const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
   const auto reader = impl_->stub->BackUp(&context, request);
   std::optional<Backup> backup;
@@ -389,6 +389,40 @@ StatusOr<Backup> AdminClient::BackUp(const std::string& to, int num_kept, const 
   MAPP_RETURN_IF_ERROR(impl_->ToStatus(reader->Finish()));
   if (!backup) return BadAnswer(absl::DataLossError("no result"));
   return *std::move(backup);
+}
+
+StatusOr<VerifyReport> AdminClient::Verify(const std::function<void(const VerifyProgress&)>& on_progress,
+                                           const std::stop_token& stop) {
+  grpc::ClientContext context;
+  context.set_deadline(std::chrono::system_clock::now() + kWholeFileTimeout);
+  const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
+  const auto reader = impl_->stub->VerifyDatabase(&context, v1::VerifyDatabaseRequest());
+  VerifyReport report;
+  bool has_result = false;
+  v1::VerifyDatabaseResponse response;
+  while (reader->Read(&response)) {
+    if (response.has_progress()) {
+      on_progress({response.progress().check(), static_cast<int>(response.progress().num_done()),
+                   static_cast<int>(response.progress().num_checks())});
+    } else if (response.has_violation()) {
+      const v1::VerifyDatabaseResponse::Violation& found = response.violation();
+      report.violations.push_back(
+          {found.check(), found.what(), found.has_id() ? std::optional(found.id()) : std::nullopt, found.message()});
+    } else if (response.has_result()) {
+      const v1::VerifyDatabaseResponse::Result& result = response.result();
+      for (const auto& more : result.unlisted()) {
+        report.unlisted.push_back({more.check(), static_cast<int64_t>(more.count())});
+      }
+      report.num_checks = static_cast<int>(result.num_checks());
+      report.num_maps = static_cast<int64_t>(result.num_maps());
+      report.num_keyframes = static_cast<int64_t>(result.num_keyframes());
+      report.num_points = static_cast<int64_t>(result.num_points());
+      has_result = true;
+    }
+  }
+  MAPP_RETURN_IF_ERROR(impl_->ToStatus(reader->Finish()));
+  if (!has_result) return BadAnswer(absl::DataLossError("no result"));
+  return report;
 }
 
 }  // namespace mapp

@@ -3,6 +3,7 @@
 #include "cli/map_info.h"
 #include "mapp/base/status.h"
 #include "storage/sqlite/backup.h"
+#include "storage/verify.h"
 
 #include <functional>
 #include <memory>
@@ -50,6 +51,9 @@ class AdminClient {
   /// Has the server write a backup on its machine (BackupOptions). CANCELLED on a stop request.
   StatusOr<Backup> BackUp(const std::string& to, int num_kept, const BackupObserver& on_progress,
                           const std::stop_token& stop);
+  /// Has the server look through its database. CANCELLED on a stop request.
+  StatusOr<VerifyReport> Verify(const std::function<void(const VerifyProgress&)>& on_progress,
+                                const std::stop_token& stop);
 
  private:
   struct Impl;

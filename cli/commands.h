@@ -25,6 +25,7 @@ void AddServerInfo(CLI::App& app, Command& chosen);
 void AddBackup(CLI::App& app, Command& chosen);
 void AddCompact(CLI::App& app, Command& chosen);
 void AddRestore(CLI::App& app, Command& chosen);
+void AddVerify(CLI::App& app, Command& chosen);
 void AddSimulate(CLI::App& app, Command& chosen);
 /// `command_line`: as typed, for the report.
 void AddEval(CLI::App& app, const std::string& command_line, Command& chosen);

@@ -1,9 +1,10 @@
-// Arguments of the commands that look after the database file: backup, compact, restore.
+// Arguments of the commands that look after the database file: backup, compact, restore, verify.
 
 #include "cli/backup.h"
 #include "cli/commands.h"
 #include "cli/compact.h"
 #include "cli/interrupt.h"
+#include "cli/verify.h"
 
 #include <iostream>
 #include <memory>
@@ -80,6 +81,26 @@ void AddRestore(CLI::App& app, Command& chosen) {
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
       return RunRestore(*options, watcher->token(), std::cin, std::cout);
+    };
+  });
+}
+
+void AddVerify(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<VerifyCommandOptions>();
+  CLI::App* command = app.add_subcommand("verify", "Look for all that is wrong with a database; changes nothing");
+  AddServer(*command, options->server);
+  AddJson(*command, options->json);
+  command
+      ->add_option(
+          "--db", options->database,
+          "Look through this file from here, whether or not a server runs on it, instead of asking a server to")
+      ->type_name("FILE");
+  command->footer(
+      "Exit code 1 when anything is wrong, one line each.\nExample: mapp verify --db /var/lib/mapp/maps.db");
+  command->callback([options, &chosen] {
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunVerify(*options, watcher->token(), std::cout);
     };
   });
 }

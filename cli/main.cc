@@ -51,6 +51,7 @@ int Main(int argc, char** argv) {
   AddBackup(app, chosen);
   AddRestore(app, chosen);
   AddCompact(app, chosen);
+  AddVerify(app, chosen);
   AddSimulate(app, chosen);
   AddEval(app, JoinArguments(argc, argv), chosen);
   try {

@@ -10,6 +10,8 @@
 #include "server/service/map_service.h"
 #include "storage/sqlite/migrator.h"
 #include "storage/sqlite/sqlite_map_store.h"
+#include "storage/verify.h"
+#include "vision/place_block.h"
 
 #include <fmt/format.h>
 
@@ -129,6 +131,13 @@ RpcServerOptions RpcOptions(const ServerConfig& config, const MapServiceOptions&
       return folder.BackUp(context, to, num_kept, on_progress);
     };
   }
+  options.verify = [file = config.database_file](const CallContext& context,
+                                                 const std::function<void(const VerifyProgress&)>& on_progress) {
+    VerifyOptions verify;
+    verify.check_place_block = [](std::string_view block) { return DecodePlaceBlock(block).status(); };
+    verify.on_progress = on_progress;
+    return VerifyDatabase(context, file, verify);
+  };
   return options;
 }
 

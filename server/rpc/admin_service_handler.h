@@ -4,7 +4,9 @@
 #include "server/rpc/call_runner.h"
 #include "server/service/map_service.h"
 #include "storage/sqlite/backup.h"
+#include "storage/verify.h"
 
+#include <atomic>
 #include <functional>
 #include <string>
 #include <utility>
@@ -22,12 +24,17 @@ struct ServerFacts {
 using BackUpFunction = std::function<StatusOr<Backup>(const CallContext&, const std::string& to, uint32_t num_kept,
                                                       const BackupObserver& on_progress)>;
 
+/// VerifyDatabase of the server's database.
+using VerifyFunction = std::function<StatusOr<VerifyReport>(
+    const CallContext&, const std::function<void(const VerifyProgress&)>& on_progress)>;
+
 /// The gRPC face of what operators ask of MapService and of the database file.
 class AdminServiceHandler final : public v1::AdminService::Service {
  public:
-  /// Service and runner must outlive the handler. Without `back_up` BackUp is refused.
-  AdminServiceHandler(MapService& service, CallRunner& runner, const ServerFacts& facts, BackUpFunction back_up)
-      : service_(service), runner_(runner), facts_(facts), back_up_(std::move(back_up)) {}
+  /// Service and runner must outlive the handler. Without `back_up` BackUp is refused, without `verify` VerifyDatabase.
+  AdminServiceHandler(MapService& service, CallRunner& runner, const ServerFacts& facts, BackUpFunction back_up,
+                      VerifyFunction verify)
+      : service_(service), runner_(runner), facts_(facts), back_up_(std::move(back_up)), verify_(std::move(verify)) {}
 
   grpc::Status GetServerInfo(grpc::ServerContext* context, const v1::GetServerInfoRequest* request,
                              v1::GetServerInfoResponse* response) override;
@@ -47,6 +54,8 @@ class AdminServiceHandler final : public v1::AdminService::Service {
                            grpc::ServerWriter<v1::OptimizeMapResponse>* writer) override;
   grpc::Status BackUp(grpc::ServerContext* context, const v1::BackUpRequest* request,
                       grpc::ServerWriter<v1::BackUpResponse>* writer) override;
+  grpc::Status VerifyDatabase(grpc::ServerContext* context, const v1::VerifyDatabaseRequest* request,
+                              grpc::ServerWriter<v1::VerifyDatabaseResponse>* writer) override;
   grpc::Status ListRevisions(grpc::ServerContext* context, const v1::ListRevisionsRequest* request,
                              v1::ListRevisionsResponse* response) override;
   grpc::Status DiffRevisions(grpc::ServerContext* context, const v1::DiffRevisionsRequest* request,
@@ -65,6 +74,8 @@ class AdminServiceHandler final : public v1::AdminService::Service {
   CallRunner& runner_;
   const ServerFacts facts_;
   const BackUpFunction back_up_;
+  const VerifyFunction verify_;
+  std::atomic<bool> verifying_ = false;
 };
 
 }  // namespace mapp

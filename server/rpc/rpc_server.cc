@@ -32,7 +32,7 @@ struct RpcServer::Impl {
       : recorder(options.observer),
         runner(options.calls, recorder),
         map_handler(service, runner, watchers, options.max_keyframe_bytes),
-        admin_handler(service, runner, options.facts, options.back_up) {}
+        admin_handler(service, runner, options.facts, options.back_up, options.verify) {}
 
   CallRecorder recorder;
   CallRunner runner;

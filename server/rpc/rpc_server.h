@@ -22,6 +22,7 @@ struct RpcServerOptions {
   CallRunnerOptions calls;
   ServerFacts facts;
   BackUpFunction back_up;            ///< empty: the server writes none
+  VerifyFunction verify;             ///< empty: it cannot be asked to
   CallObserver* observer = nullptr;  ///< may be null; else must outlive the server
 };
 

@@ -1,7 +1,7 @@
 #include "storage/sqlite/copy_database.h"
 
-#include "mapp/base/mutex.h"
 #include "storage/sqlite/errors.h"
+#include "storage/sqlite/interrupter.h"
 #include "storage/sqlite/migrator.h"
 
 #include <fmt/format.h>
@@ -10,49 +10,9 @@
 #include <filesystem>
 #include <memory>
 #include <system_error>
-#include <thread>
 
 namespace mapp::sqlite {
 namespace {
-
-constexpr std::chrono::milliseconds kInterruptPeriod(50);
-
-/// Interrupts what SQLite is at once the context says so: inside a check SQLite calls nobody.
-class Interrupter {
- public:
-  Interrupter(const CallContext& context, sqlite3* db) : thread_([this, &context, db] { Run(context, db); }) {}
-  ~Interrupter() {
-    {
-      MutexLock lock(mutex_);
-      done_ = true;
-      changed_.NotifyOne();
-    }
-    thread_.join();
-  }
-  Interrupter(const Interrupter&) = delete;
-  Interrupter& operator=(const Interrupter&) = delete;
-
- private:
-  void Run(const CallContext& context, sqlite3* db) {
-    while (!WaitUntilDone()) {
-      if (!context.Check().ok()) sqlite3_interrupt(db);
-    }
-  }
-
-  /// False after a period without.
-  bool WaitUntilDone() {
-    MutexLock lock(mutex_);
-    const auto until = std::chrono::steady_clock::now() + kInterruptPeriod;
-    while (!done_ && changed_.WaitUntil(mutex_, until)) {
-    }
-    return done_;
-  }
-
-  Mutex mutex_;
-  CondVar changed_;
-  bool done_ ABSL_GUARDED_BY(mutex_) = false;
-  std::thread thread_;
-};
 
 /// Refused at once, instead of filling the disk that the source may need itself.
 Status CheckRoom(const std::string& file, int64_t num_bytes) {
@@ -136,7 +96,7 @@ StatusOr<int64_t> CopyDatabase(const CallContext& context, Connection& source, S
 
 Status CheckSound(const CallContext& context, Connection& db, Thoroughness thoroughness) {
   MAPP_RETURN_IF_ERROR(context.Check());
-  const Interrupter interrupter(context, db.handle());
+  const Interrupter interrupter(context, db);
   Statement check =
       db.Prepare(thoroughness == Thoroughness::kQuick ? "PRAGMA quick_check(1)" : "PRAGMA integrity_check(1)");
   const StatusOr<bool> row = check.Step();
