@@ -141,7 +141,7 @@ class MapsOfPoints {
   std::vector<Entry> entries_ = std::vector<Entry>(1 << 15);
 };
 
-/// Columns: frame, observations, number of the frame's features, map.
+/// Columns: frame, observations, number of the frame's features, map, whether history of it has been dropped.
 StatusOr<std::string> ObservationFault(MapsOfPoints& maps, Connection& db, const Statement& row) {
   const StatusOr<std::vector<Observation>> observations = DecodeObservations(row.Bytes(1));
   if (!observations.ok()) return std::string(observations.status().message());
@@ -160,7 +160,8 @@ StatusOr<std::string> ObservationFault(MapsOfPoints& maps, Connection& db, const
       found += fmt::format("observes point {} at depth {} m\n", seen.point.value(), seen.depth_m);
     }
     MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> map, maps.Find(db, seen.point));
-    if (map != row.Int64(3)) {
+    const bool may_be_dropped = row.Int64(4) != 0 && !map;
+    if (map != row.Int64(3) && !may_be_dropped) {
       found += fmt::format("observes point {}, which the map never had\n", seen.point.value());
     }
   }
@@ -182,14 +183,14 @@ std::vector<VerifyCheck> FrameChecks() {
       {.name = "observations", .what = "frame", .sql = kObservationRows},
       {.name = "observations",
        .what = "frame",
-       .sql = "SELECT o.frame_id, o.observations, f.num_features, f.map_id FROM frame_observations o JOIN frames f "
-              "USING (frame_id)",
+       .sql = "SELECT o.frame_id, o.observations, f.num_features, f.map_id, m.oldest_revision > 0 FROM "
+              "frame_observations o JOIN frames f USING (frame_id) JOIN maps m USING (map_id)",
        .fault = observation_fault},
       {.name = "observation_history", .what = "frame", .sql = kObservationHistory},
       {.name = "observation_history",
        .what = "frame",
-       .sql = "SELECT o.frame_id, o.observations, f.num_features, f.map_id FROM frame_observation_history o JOIN "
-              "frames f USING (frame_id)",
+       .sql = "SELECT o.frame_id, o.observations, f.num_features, f.map_id, m.oldest_revision > 0 FROM "
+              "frame_observation_history o JOIN frames f USING (frame_id) JOIN maps m USING (map_id)",
        .fault = observation_fault},
   };
 }

@@ -90,6 +90,9 @@ SELECT i.point_id, format('number %d of session %d stands for it, and no such po
                                             AND p.session_point = i.session_point)
    AND NOT EXISTS (SELECT 1 FROM point_history p WHERE p.point_id = i.point_id AND p.session_id = i.session_id
                                                    AND p.session_point = i.session_point)
+   -- A point that ended before the oldest revision may have been dropped; its number stays.
+   AND NOT EXISTS (SELECT 1 FROM sessions s JOIN maps m USING (map_id)
+                    WHERE s.session_id = i.session_id AND m.oldest_revision > 0)
 UNION ALL
 SELECT point_id, format('no number of session %d stands for it', session_id) FROM points p
  WHERE NOT EXISTS (SELECT 1 FROM session_points i WHERE i.session_id = p.session_id
@@ -111,6 +114,8 @@ StatusOr<int64_t> FusedInto(Connection& db, int64_t point) {
 
 /// Columns: point, its map, what it was fused into, that one's map.
 StatusOr<std::string> FusionFault(Connection& db, const Statement& row) {
+  // The one it was fused into may have ended since, and been dropped from the history.
+  if (row.IsNull(3) && row.Int64(4) != 0) return std::string();
   if (row.IsNull(3)) return fmt::format("is fused into point {}, which does not exist", row.Int64(2));
   if (row.Int64(3) != row.Int64(1)) return fmt::format("is fused into point {} of another map", row.Int64(2));
   // Two walks, one twice as fast: they meet only on a circle (Floyd).
@@ -130,8 +135,10 @@ constexpr const char* kFusions = R"sql(
 SELECT h.point_id, s.map_id, h.fused_into,
        (SELECT t.map_id FROM (SELECT session_id FROM points WHERE point_id = h.fused_into
                               UNION ALL SELECT session_id FROM point_history WHERE point_id = h.fused_into LIMIT 1)
-               JOIN sessions t USING (session_id))
-  FROM point_history h LEFT JOIN sessions s ON s.session_id = h.session_id WHERE h.fused_into IS NOT NULL
+               JOIN sessions t USING (session_id)),
+       m.oldest_revision > 0
+  FROM point_history h LEFT JOIN sessions s ON s.session_id = h.session_id LEFT JOIN maps m USING (map_id)
+ WHERE h.fused_into IS NOT NULL
 )sql";
 
 constexpr const char* kObservers = R"sql(

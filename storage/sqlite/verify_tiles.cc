@@ -15,7 +15,7 @@
 namespace mapp::sqlite {
 namespace {
 
-constexpr const char* kTiles = R"sql(
+constexpr const char* kTileRows = R"sql(
 SELECT t.tile_id, format('of map %d, revision %d: there is no such map or revision', t.map_id, t.revision)
   FROM tiles t LEFT JOIN maps m USING (map_id) WHERE m.map_id IS NULL OR t.revision NOT BETWEEN 0 AND m.revision
 UNION ALL
@@ -136,7 +136,7 @@ constexpr const char* kTileIndex =
 
 std::vector<VerifyCheck> TileChecks() {
   return {
-      {.name = "tiles", .what = "tile", .sql = kTiles},
+      {.name = "tiles", .what = "tile", .sql = kTileRows},
       {.name = "tile_counts", .what = "tile", .sql = kCounts},
       {.name = "tile_blobs", .what = "tile", .sql = kBlobs, .fault = BlobFault},
       {.name = "frame_index", .what = "frame", .sql = kFrameIndex},

@@ -1,3 +1,5 @@
+#include "server/service/compaction.h"
+#include "storage/map_store.h"
 #include "storage/sqlite/sqlite_map_store.h"
 #include "tests/unit/server/service_fixture.h"
 #include "tests/unit/server/verify/healthy_database.h"
@@ -43,6 +45,38 @@ TEST(VerifyTest, WhatAServiceHasWrittenIsClean) {
   }
   EXPECT_GT(CountRows("point_history WHERE fused_into IS NOT NULL"), 0);
   EXPECT_GT(CountRows("tile_blobs b JOIN tiles t USING (tile_id) WHERE b.revision = t.revision"), 0);
+}
+
+TEST(VerifyTest, StaysCleanWhenHistoryIsDropped) {
+  const DatabaseCopy copy;
+  {
+    const auto store = OpenSqliteMapStore(copy.file());
+    ASSERT_TRUE(store.ok()) << store.status();
+    const auto reader = (*store)->Read();
+    ASSERT_TRUE(reader.ok()) << reader.status();
+    const StatusOr<std::vector<MapRecord>> maps = (*reader)->ListMaps();
+    ASSERT_TRUE(maps.ok()) << maps.status();
+    for (const MapRecord& map : *maps) {
+      const CompactionRequest everything{.map_name = map.name, .keep_revisions = 0, .keep_days = {}};
+      ASSERT_TRUE((*store)
+                      ->Write({},
+                              [&](MapWriter& writer) -> Status {
+                                MAPP_ASSIGN_OR_RETURN(const std::vector<TagRecord> tags, writer.ListTags(map.id));
+                                for (const TagRecord& tag : tags)
+                                  MAPP_RETURN_IF_ERROR(writer.DeleteTag(map.id, tag.name));
+                                MAPP_RETURN_IF_ERROR(writer.DeleteTag(map.id, tag.name));
+                                return absl::OkStatus();
+                              })
+                      .ok());
+      const auto compacted = CompactMap(**store, {}, everything, /*now_ns=*/0, {});
+      ASSERT_TRUE(compacted.ok()) << compacted.status();
+      EXPECT_GT(compacted->num_rows, 0);
+      EXPECT_EQ(compacted->oldest, map.revision);
+    }
+  }
+  const auto report = Verify(copy.file());
+  ASSERT_TRUE(report.ok()) << report.status();
+  EXPECT_EQ(report->num_violations(), 0) << Describe(*report);
 }
 
 TEST(VerifyTest, EarlierSchemasAreCleanOnceMigrated) {
