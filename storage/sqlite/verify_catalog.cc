@@ -17,11 +17,12 @@ Fault Reads(StatusOr<Record> (*read)(const Statement&)) {
   };
 }
 
-// A founder may be unknown to an empty map, but not belong to another one.
-constexpr const char* kMaps = R"sql(
-SELECT map_id, format('cone range %g m is impossible', cone_range_m) FROM maps
- WHERE NOT (cone_range_m >= 0 AND cone_range_m <= )sql" MAPP_SQL_MAX R"sql() OR NOT tile_edge_m <= )sql" MAPP_SQL_MAX
-                              R"sql(
+// An empty map has no founder.
+constexpr const char* kMaps =
+    "SELECT map_id, format('cone range %g m and tile edge %g m cannot be', cone_range_m, tile_edge_m) FROM maps "
+    "WHERE NOT (cone_range_m >= 0 AND cone_range_m <= " MAPP_SQL_MAX " AND tile_edge_m <= " MAPP_SQL_MAX
+    ")"
+    R"sql(
 UNION ALL
 SELECT map_id, format('revision %d, the state''s %d and the oldest one %d cannot be together', revision, state_revision,
                       oldest_revision) FROM maps
@@ -79,8 +80,8 @@ constexpr const char* kSessionCounters = R"sql(
 SELECT s.session_id, format('num_keyframes is %d and num_upload_bytes %d, and its log has %d of %d bytes',
                             s.num_keyframes, s.num_upload_bytes, coalesce(c.n, 0), coalesce(c.bytes, 0))
   FROM sessions s
-       LEFT JOIN (SELECT session_id, count(*) AS n, sum(length(packet)) AS bytes FROM keyframe_log GROUP BY session_id) c
-       USING (session_id)
+       LEFT JOIN (SELECT session_id, count(*) AS n, sum(length(packet)) AS bytes
+                    FROM keyframe_log GROUP BY session_id) c USING (session_id)
  WHERE s.num_keyframes <> coalesce(c.n, 0) OR s.num_upload_bytes <> coalesce(c.bytes, 0)
 )sql";
 

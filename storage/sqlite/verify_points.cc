@@ -61,12 +61,14 @@ SELECT h.point_id, format('version of revisions %d to %d overlaps the live one o
   FROM point_history h CROSS JOIN points p ON p.point_id = h.point_id WHERE h.retired_revision > p.created_revision
 )sql";
 
-// The tile's cube: edge times the biased indices that the key holds.
+// Versions of the past, too: they are copies of what was live.
 constexpr const char* kTiles = R"sql(
 SELECT p.point_id, p.x_m, p.y_m, p.z_m, p.tile_id, t.tile_key, t.map_id, s.map_id, m.tile_edge_m
-  FROM points p LEFT JOIN tiles t ON t.tile_id = p.tile_id LEFT JOIN sessions s ON s.session_id = p.session_id
+  FROM (SELECT point_id, session_id, tile_id, x_m, y_m, z_m FROM points WHERE tile_id IS NOT NULL
+        UNION ALL
+        SELECT point_id, session_id, tile_id, x_m, y_m, z_m FROM point_history WHERE tile_id IS NOT NULL) p
+       LEFT JOIN tiles t ON t.tile_id = p.tile_id LEFT JOIN sessions s ON s.session_id = p.session_id
        LEFT JOIN maps m ON m.map_id = s.map_id
- WHERE p.tile_id IS NOT NULL
 )sql";
 
 StatusOr<std::string> PointTileFault(Connection& /*db*/, const Statement& row) {

@@ -186,6 +186,7 @@ std::vector<Case> PointCases() {
        "point_history", "overlap"},
       {"PointOfNoTile", "UPDATE points SET tile_id = 999" + one, "point_tiles", "tile 999 does not exist"},
       {"PointOutOfItsTile", "UPDATE points SET y_m = y_m + 100" + one, "point_tiles", "m is not in its tile"},
+      {"EarlierPointOutOfItsTile", "UPDATE point_history SET y_m = y_m + 100", "point_tiles", "m is not in its tile"},
       {"TileOfAnotherMap", "UPDATE tiles SET map_id = 999", "point_tiles", "of map 999, the point of another"},
       {"NumberOfNoPoint", "UPDATE session_points SET point_id = 999999999 WHERE point_id = 5", "session_points",
        "no such point was ever made"},
