@@ -58,16 +58,12 @@ TEST(VerifyTest, StaysCleanWhenHistoryIsDropped) {
     ASSERT_TRUE(maps.ok()) << maps.status();
     for (const MapRecord& map : *maps) {
       const CompactionRequest everything{.map_name = map.name, .keep_revisions = 0, .keep_days = {}};
-      ASSERT_TRUE((*store)
-                      ->Write({},
-                              [&](MapWriter& writer) -> Status {
-                                MAPP_ASSIGN_OR_RETURN(const std::vector<TagRecord> tags, writer.ListTags(map.id));
-                                for (const TagRecord& tag : tags)
-                                  MAPP_RETURN_IF_ERROR(writer.DeleteTag(map.id, tag.name));
-                                MAPP_RETURN_IF_ERROR(writer.DeleteTag(map.id, tag.name));
-                                return absl::OkStatus();
-                              })
-                      .ok());
+      const Status untagged = (*store)->Write({}, [&](MapWriter& writer) -> Status {
+        MAPP_ASSIGN_OR_RETURN(const std::vector<TagRecord> tags, writer.ListTags(map.id));
+        for (const TagRecord& tag : tags) MAPP_RETURN_IF_ERROR(writer.DeleteTag(map.id, tag.name));
+        return absl::OkStatus();
+      });
+      ASSERT_TRUE(untagged.ok()) << untagged;
       const auto compacted = CompactMap(**store, {}, everything, /*now_ns=*/0, {});
       ASSERT_TRUE(compacted.ok()) << compacted.status();
       EXPECT_GT(compacted->num_rows, 0);
