@@ -80,8 +80,10 @@ Status Change::UpdatePoint(const PointRecord& point) {
 
 Status Change::TouchPoint(const PointRecord& point) {
   MAPP_RETURN_IF_ERROR(internal::CheckPoint(point));
-  const MapState* const map = contents_.MapOfPoint(point.id);
-  if (map == nullptr) return internal::NoSuchPoint(point.id);
+  const MapState* const map = contents_.MapOfSession(point.session);
+  if (map == nullptr) return internal::NoSuchSession(point.session);
+  MAPP_RETURN_IF_ERROR(CheckTile(*map, point));
+  if (map->points.Find(point.id) == nullptr) return internal::NoSuchPoint(point.id);
   PointRecord touched = *map->points.Find(point.id);
   touched.view_direction = point.view_direction;
   touched.descriptor = point.descriptor;

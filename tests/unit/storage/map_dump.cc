@@ -1,9 +1,11 @@
 #include "tests/unit/storage/map_dump.h"
 
+#include "mapp/base/bytes.h"
 #include "tests/unit/storage/store_fixture.h"
 
 #include <fmt/format.h>
 
+#include <algorithm>
 #include <numeric>
 
 namespace mapp {
@@ -90,6 +92,42 @@ std::string DumpSession(MapReader& reader, const SessionRecord& session) {
   return dump + '\n';
 }
 
+std::string DumpCounters(const PointRecord& point) {
+  std::string dump = fmt::format(
+      "point {} direction {} {} {} descriptor {} reference {} observations {} confidence {} observers",
+      point.id.value(), point.view_direction.x(), point.view_direction.y(), point.view_direction.z(),
+      Crc32c(point.descriptor.Bytes()), point.reference_distance_m, point.num_observations, point.confidence);
+  for (const FrameId frame : point.observers) dump += fmt::format(" {}", frame.value());
+  return dump + '\n';
+}
+
+/// What reads AS OF a revision need not tell as it was.
+std::string DumpUnversioned(MapReader& reader, const MapRecord& map) {
+  std::string dump = fmt::format("features {} {} {} oldest {}\n", map.features.descriptor_kind,
+                                 map.features.scale_factor, map.features.patch_size_px, map.oldest_revision.value());
+  for (const FrameRecord& frame : Value(reader.ListFrames(map.id, std::nullopt))) {
+    dump += fmt::format("frame {} camera {} stamp {} partial {} overlap {} features {} bytes {} crc {}\n",
+                        frame.id.value(), frame.camera.value(), frame.stamp_ns, frame.partial, Describe(frame.overlap),
+                        frame.num_features, frame.num_packet_bytes, Crc32c(Value(reader.GetPacket(frame.id))));
+  }
+  for (const TileRecord& tile : Value(reader.ListTiles(map.id, std::nullopt))) {
+    dump += fmt::format("tile {} revision {}\n", tile.key.ToString(), tile.revision.value());
+    std::vector<PointRecord> points = Value(reader.PointsInTile(map.id, tile.key));
+    std::sort(points.begin(), points.end(), [](const auto& a, const auto& b) { return a.id < b.id; });
+    for (const PointRecord& point : points) dump += DumpCounters(point);
+    const std::optional<TileBlob> blob = Value(reader.GetTileBlob(map.id, tile.key));
+    if (blob) dump += fmt::format("blob of revision {} crc {}\n", blob->revision.value(), Crc32c(blob->bytes));
+  }
+  for (const TagRecord& tag : Value(reader.ListTags(map.id))) {
+    dump += fmt::format("tag {} revision {} made {}\n", tag.name, tag.revision.value(), tag.created_ns);
+  }
+  for (const std::string& block : Value(reader.ListPlaceBlocks(map.id))) dump += fmt::format("block {}\n", block);
+  for (const RevisionRecord& revision : Value(reader.ListRevisions(map.id, Revision(0), map.revision))) {
+    dump += fmt::format("revision {} made {}\n", revision.revision.value(), revision.committed_ns);
+  }
+  return dump;
+}
+
 }  // namespace
 
 std::string DumpMap(MapReader& reader, MapId map) {
@@ -104,6 +142,21 @@ std::string DumpMap(MapReader& reader, MapId map) {
   for (const RevisionRecord& revision : Value(reader.ListRevisions(map, Revision(0), record.revision))) {
     dump += fmt::format("revision {} cause {} session {}\n", revision.revision.value(),
                         static_cast<int>(revision.cause), Describe(revision.session));
+  }
+  return dump;
+}
+
+std::string DumpAll(MapReader& reader) {
+  std::string dump;
+  for (const MapRecord& map : Value(reader.ListMaps())) {
+    EXPECT_EQ(Value(reader.FindMap(map.name)).id, map.id);
+    dump += DumpMap(reader, map.id) + DumpUnversioned(reader, map);
+  }
+  for (const SessionRecord& session : Value(reader.ListSessions(std::nullopt))) {
+    EXPECT_EQ(Describe(Value(reader.GetSession(session.id))), Describe(session));
+    const Camera camera = Value(reader.GetCamera(session.camera)).camera;
+    dump += fmt::format("session {} camera {} {} {} {} {}\n", session.id.value(), session.camera.value(),
+                        ModelName(camera.projection), camera.width_px, camera.height_px, camera.stereo_baseline_m);
   }
   return dump;
 }

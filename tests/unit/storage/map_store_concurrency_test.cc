@@ -180,14 +180,46 @@ TEST_P(MapStoreConcurrencyTest, CancelledChangeDoesNotRun) {
   EXPECT_FALSE(ran);
 }
 
-TEST_P(MapStoreConcurrencyTest, CloseFinishesWhatIsQueuedAndEndsTheRest) {
+TEST_P(MapStoreConcurrencyTest, AfterClosingOnlyOldReadersGoOn) {
   Check(Write([](MapWriter& writer) { return AddMap(writer, "kitchen"); }));
   const auto reader = Read();
   Check(store().Close());
   Check(store().Close());
   EXPECT_THAT(store().Read(), HasCode(StatusCode::kUnavailable));
+  EXPECT_THAT(store().ReadAsOf(MapId(1), Revision(0)), HasCode(StatusCode::kUnavailable));
   EXPECT_THAT(Write([](MapWriter&) { return absl::OkStatus(); }), HasCode(StatusCode::kUnavailable));
   EXPECT_EQ(Value(reader->ListMaps()).size(), 1U) << "a reader from before stays good";
+}
+
+TEST_P(MapStoreConcurrencyTest, CloseWaitsForTheChangeThatHasBegun) {
+  std::jthread closing;
+  std::latch closing_begun{1};
+  {
+    Blockade blockade(store());  // fails the test if its change does not come through
+    closing = std::jthread([&] {
+      closing_begun.count_down();
+      Check(store().Close());
+    });
+    closing_begun.wait();
+  }
+  closing.join();
+  EXPECT_THAT(Write([](MapWriter&) { return absl::OkStatus(); }), HasCode(StatusCode::kUnavailable));
+}
+
+TEST_P(MapStoreConcurrencyTest, OneStoreAtATimeHasTheMaps) {
+  NewScene("kitchen");
+  EXPECT_THAT(OpenAnother(), HasCode(StatusCode::kFailedPrecondition));
+  EXPECT_EQ(Value(Read()->ListMaps()).size(), 1U);
+  Check(store().Close());
+  EXPECT_EQ(Value(Value(Value(OpenAnother())->Read())->ListMaps()).size(), 1U);
+}
+
+TEST_P(MapStoreConcurrencyTest, ReaderOutlivesTheStore) {
+  NewScene("kitchen");
+  const auto reader = Read();
+  Reopen();
+  NewScene("garage");
+  EXPECT_EQ(Value(reader->ListMaps()).size(), 1U);
 }
 
 TEST_P(MapStoreConcurrencyTest, ReadersAndWritersTogether) {

@@ -136,6 +136,15 @@ TEST_P(MapStorePointsTest, TouchChangesCountersInPlace) {
   EXPECT_THAT(Write([&](MapWriter& writer) { return writer.TouchPoint(touched); }), HasCode(StatusCode::kNotFound));
 }
 
+TEST_P(MapStorePointsTest, TouchOfAFragmentsPointMakesNoRevision) {
+  const MapPointId id = Insert(1, {1, 1, 1}, /*in_map=*/false);
+  PointRecord touched = Get(id);
+  touched.num_observations = 5;
+  Check(Write([&](MapWriter& writer) { return writer.TouchPoint(touched); }));
+  EXPECT_EQ(Get(id).num_observations, 5U);
+  EXPECT_EQ(Value(Read()->GetMap(scene_.map)).revision, Revision(1));
+}
+
 TEST_P(MapStorePointsTest, FragmentJoinsTheMap) {
   const MapPointId id = Insert(1, {1, 1, 1}, /*in_map=*/false);
   EXPECT_FALSE(Get(id).in_map);
@@ -255,6 +264,19 @@ TEST_P(MapStorePointsTest, KeepsTheNewestTileBlob) {
   EXPECT_EQ(Value(Read()->GetTileBlob(scene_.map, key))->revision, Revision(3));
   EXPECT_EQ(Value(Read()->GetTileBlob(scene_.map, key))->bytes, TestBytes(3, 100'000));
   EXPECT_THAT(Tiles(), ElementsAre("0/0/0 r1 n1"));
+}
+
+TEST_P(MapStorePointsTest, TakesTheBlobOfATileWithoutPoints) {
+  const TileKey key{5, -5, 0};
+  Check(Write([&](MapWriter& writer) {
+    return writer.PutTileBlob(scene_.map, key, {.revision = Revision(0), .bytes = "empty"});
+  }));
+  Check(Write([&](MapWriter& writer) {
+    return writer.PutTileBlob(scene_.map, key, {.revision = Revision(0), .bytes = "empty again"});
+  }));
+  EXPECT_EQ(Value(Read()->GetTileBlob(scene_.map, key))->bytes, "empty again");
+  EXPECT_TRUE(Tiles().empty());
+  EXPECT_EQ(Value(Read()->GetMap(scene_.map)).revision, Revision(0));
 }
 
 TEST_P(MapStorePointsTest, FindsEverythingAfterReopening) {

@@ -21,8 +21,8 @@ TempFolder::~TempFolder() {
 
 std::vector<Engine> AllEngines() {
   const auto create_sqlite = [](const TempFolder& folder, std::function<int64_t()> unix_now_ns) -> StoreOpener {
-    // No test of the suite cuts the power: spare a busy disk.
-    SqliteOptions options{.sync_commits = false};
+    // No test of the suite cuts the power: spare a busy disk. Closing waits that long for a reader that stays open.
+    SqliteOptions options{.busy_timeout = std::chrono::milliseconds(500), .sync_commits = false};
     if (unix_now_ns) options.unix_now_ns = std::move(unix_now_ns);
     return [file = folder.File("maps.db"), options] { return OpenSqliteMapStore(file, options); };
   };

@@ -86,6 +86,8 @@ class MapStoreTest : public testing::TestWithParam<Engine> {
     Reopen();
   }
   void Reopen();
+  /// A second store on the same content.
+  StatusOr<std::unique_ptr<MapStore>> OpenAnother() { return open_(); }
 
   MapStore& store() { return *store_; }
   std::unique_ptr<MapReader> Read() { return Value(store_->Read()); }
