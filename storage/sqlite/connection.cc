@@ -1,6 +1,7 @@
 #include "storage/sqlite/connection.h"
 
 #include "mapp/base/check.h"
+#include "storage/sqlite/checksum_vfs.h"
 #include "storage/sqlite/errors.h"
 
 #include <sqlite3.h>
@@ -27,7 +28,7 @@ int OpenFlags(Connection::Mode mode) {
 StatusOr<std::unique_ptr<Connection>> Connection::Open(const std::string& file, Mode mode,
                                                        std::chrono::milliseconds busy_timeout) {
   sqlite3* db = nullptr;
-  const int code = sqlite3_open_v2(file.c_str(), &db, OpenFlags(mode), nullptr);
+  const int code = sqlite3_open_v2(file.c_str(), &db, OpenFlags(mode), ChecksumVfsName());
   // Owned from here on, as SQLite gives a handle to be closed even when opening fails.
   std::unique_ptr<Connection> connection(new Connection(db));
   if (code != SQLITE_OK) return SqliteError(code, "open", db);

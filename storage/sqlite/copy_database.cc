@@ -1,5 +1,6 @@
 #include "storage/sqlite/copy_database.h"
 
+#include "storage/sqlite/checksum_vfs.h"
 #include "storage/sqlite/errors.h"
 #include "storage/sqlite/interrupter.h"
 #include "storage/sqlite/migrator.h"
@@ -46,7 +47,8 @@ Status CopyPages(const CallContext& context, Connection& source, Connection& cop
   }
   const int finish_code = sqlite3_backup_finish(backup.release());
   if (code == SQLITE_DONE) code = finish_code == SQLITE_OK ? SQLITE_OK : finish_code;
-  return SqliteError(code, "copy", copy.handle());
+  // The damaged page is one of the file that is read; what has just been written is not read back.
+  return SqliteError(code, "copy", code == SQLITE_IOERR_DATA ? source.handle() : copy.handle());
 }
 
 Status CheckCopy(const CallContext& context, Connection& copy, int64_t version) {
@@ -81,6 +83,7 @@ StatusOr<int64_t> CopyDatabase(const CallContext& context, Connection& source, S
   if (options.max_pages > 0) {
     MAPP_RETURN_IF_ERROR(db->Execute(fmt::format("PRAGMA max_page_count = {};", options.max_pages)));
   }
+  MAPP_RETURN_IF_ERROR(FollowChecksums(source, *db));
   MAPP_RETURN_IF_ERROR(CopyPages(context, source, *db, page_bytes, options));
   snapshot.reset();
   // The pages say "write-ahead log": a file that says so cannot be read where nothing can be written beside it.

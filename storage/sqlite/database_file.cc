@@ -1,5 +1,6 @@
 #include "storage/sqlite/database_file.h"
 
+#include "storage/sqlite/checksum_vfs.h"
 #include "storage/sqlite/migrator.h"
 
 #include <fmt/format.h>
@@ -31,7 +32,10 @@ Status SetCommonPragmas(Connection& db, int cache_kb) {
 
 /// Settings that only count while the file is still empty.
 Status SetCreationPragmas(Connection& db, const SqliteOptions& options) {
-  return db.Execute(fmt::format("PRAGMA page_size = {}; PRAGMA auto_vacuum = INCREMENTAL;", options.page_size_bytes));
+  MAPP_RETURN_IF_ERROR(
+      db.Execute(fmt::format("PRAGMA page_size = {}; PRAGMA auto_vacuum = INCREMENTAL;", options.page_size_bytes)));
+  ReserveTrailer(db);
+  return absl::OkStatus();
 }
 
 Status SetWriterPragmas(Connection& db, const SqliteOptions& options) {
@@ -53,10 +57,15 @@ Status CheckAccess(const std::string& file, int mode) {
 /// An absent or empty file is a database that has yet to be created.
 Status CheckIsDatabase(const std::string& file) {
   constexpr std::string_view kMagic("SQLite format 3\0", 16);
+  constexpr std::string_view kApplication("Mapp");
+  constexpr size_t kApplicationOffset = 68;
   std::ifstream stream(file, std::ios::binary);
-  std::string header(kMagic.size(), '\0');
+  std::string header(kApplicationOffset + kApplication.size(), '\0');
   stream.read(header.data(), static_cast<std::streamsize>(header.size()));
-  if (stream.gcount() == 0 || header == kMagic) return absl::OkStatus();
+  if (stream.gcount() == 0 || header.starts_with(kMagic)) return absl::OkStatus();
+  if (header.ends_with(kApplication)) {
+    return absl::DataLossError("page 1 is damaged (the file does not begin as a database does): restore a backup");
+  }
   return absl::FailedPreconditionError("not a map database: the file is no SQLite database");
 }
 

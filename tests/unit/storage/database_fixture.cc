@@ -1,6 +1,6 @@
 #include "tests/unit/storage/database_fixture.h"
 
-#include <sqlite3.h>
+#include "storage/sqlite/connection.h"
 
 #include <algorithm>
 #include <filesystem>
@@ -89,10 +89,7 @@ std::string DatabaseTest::ReadBytes(const std::string& file) {
 }
 
 void DatabaseTest::RunSqlOn(const std::string& file, const std::string& sql) {
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(file.c_str(), &db), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
-  sqlite3_close(db);
+  Check(Value(sqlite::Connection::Open(file, sqlite::Connection::Mode::kCreate, {}))->Execute(sql));
 }
 
 void DatabaseTest::Damage(const std::string& file) {

@@ -1,4 +1,5 @@
 // What is particular to the SQLite engine: the file, its owner, and what can be wrong with it.
+#include "storage/sqlite/connection.h"
 #include "storage/sqlite/migrator.h"
 #include "storage/sqlite/sqlite_map_store.h"
 #include "tests/unit/storage/store_fixture.h"
@@ -21,10 +22,7 @@ using testing::Not;
 
 /// Runs SQL on a file behind the store's back.
 void RunSql(const std::string& file, const std::string& sql) {
-  sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(file.c_str(), &db), SQLITE_OK);
-  ASSERT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
-  sqlite3_close(db);
+  Check(Value(sqlite::Connection::Open(file, sqlite::Connection::Mode::kCreate, {}))->Execute(sql));
 }
 
 void WriteFile(const std::string& file, const std::string& bytes) { std::ofstream(file, std::ios::binary) << bytes; }
