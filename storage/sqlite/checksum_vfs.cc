@@ -79,8 +79,7 @@ class ChecksumFile {
   int Write(const void* buffer, int num_bytes, sqlite3_int64 offset) {
     const std::string_view page(static_cast<const char*>(buffer), static_cast<size_t>(num_bytes));
     Learn(page, offset);
-    // Whole pages are all that SQLite writes; while VACUUM gives the database another page size, they are not of the
-    // size that the first page still tells.
+    // Whole pages are all that SQLite writes, of a size that may not be known before the first.
     if (!has_checksums_ || !std::has_single_bit(page.size()) || page.size() < kLeastPageBytes) {
       return inner()->pMethods->xWrite(inner(), buffer, num_bytes, offset);
     }
@@ -106,6 +105,11 @@ class ChecksumFile {
         // Another connection may have given the file its checksums since this one last looked.
         if (const int code = LearnFromFile(); code != SQLITE_OK) return code;
         break;
+      case SQLITE_FCNTL_PRAGMA:
+        // VACUUM would write the new pages in pieces of the old size. It keeps the size without a word in other cases,
+        // too.
+        if (has_checksums_ && SetsPageSize(static_cast<char**>(argument))) return SQLITE_OK;
+        break;
       default:
         break;
     }
@@ -113,6 +117,10 @@ class ChecksumFile {
   }
 
  private:
+  /// `pragma`: room for an answer, name, value or null.
+  static bool SetsPageSize(char** pragma) {
+    return sqlite3_stricmp(pragma[1], "page_size") == 0 && pragma[2] != nullptr;
+  }
   static uint32_t PageNumber(sqlite3_int64 offset, int page_bytes) {
     return static_cast<uint32_t>(offset / page_bytes + 1);
   }
@@ -225,7 +233,7 @@ struct ChecksumVfs {
 
 sqlite3_vfs& SystemVfs(sqlite3_vfs* ours) { return *reinterpret_cast<ChecksumVfs*>(ours)->system; }
 
-/// Bytes that the database reserves at the end of each page. Sets them to `wanted` unless that is negative.
+/// What the database reserves, or shall when it is next written anew if that is more; `wanted` is what it shall.
 int ExchangeReservedBytes(Connection& db, int wanted) {
   sqlite3_file_control(db.handle(), "main", SQLITE_FCNTL_RESERVE_BYTES, &wanted);
   return wanted;
@@ -240,7 +248,11 @@ const char* ChecksumVfsName() {
 
 void ReserveTrailer(Connection& db) { ExchangeReservedBytes(db, kPageTrailerBytes); }
 
-bool HasChecksums(Connection& db) { return ExchangeReservedBytes(db, -1) == kPageTrailerBytes; }
+bool HasChecksums(Connection& db) {
+  ExchangeReservedBytes(db, 0);  // a database keeps what it reserves already
+  constexpr int kOnlyAsk = -1;
+  return ExchangeReservedBytes(db, kOnlyAsk) == kPageTrailerBytes;
+}
 
 Status FollowChecksums(Connection& source, Connection& copy) {
   if (!HasChecksums(source)) return absl::OkStatus();

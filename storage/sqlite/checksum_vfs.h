@@ -19,7 +19,8 @@ inline constexpr int kPageTrailerBytes = 8;
 /// that does not match is SQLITE_IOERR_DATA, see LastDamagedPage. A database without checksums passes unchecked.
 const char* ChecksumVfsName();
 
-/// Lets a database that has yet to be created begin with checksums. After its page size is set.
+/// Lets a database that has yet to be created begin with checksums. Between `PRAGMA page_size`, which forgets it, and
+/// `PRAGMA auto_vacuum`, after which it is too late.
 void ReserveTrailer(Connection& db);
 /// Whether the pages of the database, as the connection sees it, end with checksums.
 bool HasChecksums(Connection& db);

@@ -32,10 +32,9 @@ Status SetCommonPragmas(Connection& db, int cache_kb) {
 
 /// Settings that only count while the file is still empty.
 Status SetCreationPragmas(Connection& db, const SqliteOptions& options) {
-  MAPP_RETURN_IF_ERROR(
-      db.Execute(fmt::format("PRAGMA page_size = {}; PRAGMA auto_vacuum = INCREMENTAL;", options.page_size_bytes)));
+  MAPP_RETURN_IF_ERROR(db.Execute(fmt::format("PRAGMA page_size = {};", options.page_size_bytes)));
   ReserveTrailer(db);
-  return absl::OkStatus();
+  return db.Execute("PRAGMA auto_vacuum = INCREMENTAL;");
 }
 
 Status SetWriterPragmas(Connection& db, const SqliteOptions& options) {

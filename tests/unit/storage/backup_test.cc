@@ -1,6 +1,7 @@
 // Backups of a database that others write, and what can go wrong with them.
 #include "storage/sqlite/backup.h"
 
+#include "mapp/base/bytes.h"
 #include "storage/sqlite/migrator.h"
 #include "tests/unit/storage/database_fixture.h"
 #include "tests/unit/storage/golden_database.h"
@@ -190,11 +191,18 @@ TEST_F(BackupTest, WithoutRoomFailsAtOnceOrAtTheEndAndLeavesNothing) {
   // A database that says to be of 8 TB, most of it a hole.
   constexpr uint64_t kBytes = uint64_t{8} << 40;
   fs::resize_file(file_, kBytes);
+  constexpr size_t kPageBytes = 16384;
+  constexpr size_t kPageCountOffset = 28;
+  constexpr uint32_t kNumPages = kBytes / kPageBytes;
   std::fstream file(file_, std::ios::binary | std::ios::in | std::ios::out);
-  constexpr std::streamoff kPageCountOffset = 28;
-  constexpr uint32_t kNumPages = kBytes / 16384;
-  file.seekp(kPageCountOffset);
-  for (const int shift : {24, 16, 8, 0}) file.put(static_cast<char>(kNumPages >> shift));
+  std::string content(kPageBytes - 8, '\0');  // of the first page, in front of its checksum
+  file.read(content.data(), static_cast<std::streamsize>(content.size()));
+  for (size_t i = 0; i < 4; ++i) content[kPageCountOffset + i] = static_cast<char>(kNumPages >> (24 - 8 * i));
+  ByteWriter forged;
+  forged.PutBytes(content);
+  forged.Put<uint32_t>(Crc32c(content));
+  file.seekp(0);
+  file << forged.bytes();
   file.close();
   EXPECT_THAT(RefusalOf(target_, StatusCode::kResourceExhausted), HasSubstr("needs 8796094 MB"));
 }

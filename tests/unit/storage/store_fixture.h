@@ -60,7 +60,7 @@ struct Engine {
 };
 inline void PrintTo(const Engine& engine, std::ostream* stream) { *stream << engine.name; }
 std::vector<Engine> AllEngines();
-inline std::string EngineName(const testing::TestParamInfo<Engine>& info) { return info.param.name; }
+inline std::string EngineName(const ::testing::TestParamInfo<Engine>& info) { return info.param.name; }
 
 // Records with distinct, recognizable values.
 Camera TestCamera();
@@ -79,7 +79,7 @@ struct Scene {
 Scene AddScene(MapWriter& writer, const std::string& map_name);
 
 /// Opens a store of the engine in a folder of its own.
-class MapStoreTest : public testing::TestWithParam<Engine> {
+class MapStoreTest : public ::testing::TestWithParam<Engine> {
  protected:
   void SetUp() override {
     open_ = GetParam().create(folder_, {});

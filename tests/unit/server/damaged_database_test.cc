@@ -1,0 +1,156 @@
+// Flips bits of a database that the service has written: what is read is what was written, or an error says so.
+#include "mapp/base/bytes.h"
+#include "mapp/base/rng.h"
+#include "storage/sqlite/sqlite_map_store.h"
+#include "tests/unit/server/service_fixture.h"
+#include "tests/unit/storage/map_dump.h"
+#include "tests/unit/storage/store_fixture.h"
+
+#include <fmt/format.h>
+#include <gmock/gmock.h>
+
+#include <cstdlib>
+#include <fstream>
+
+namespace mapp::testing {
+namespace {
+
+using ::testing::AnyOf;
+using ::testing::ContainsRegex;
+using ::testing::HasSubstr;
+using ::testing::Not;
+
+constexpr size_t kPageBytes = 16384;
+
+int NumPlaces() {
+  constexpr int kNumPlaces = 200;
+  const char* wanted = std::getenv("MAPP_TEST_BIT_FLIPS");
+  return wanted != nullptr ? std::atoi(wanted) : kNumPlaces;
+}
+
+void FlipBit(const std::string& file, size_t byte, int bit) {
+  std::fstream stream(file, std::ios::binary | std::ios::in | std::ios::out);
+  stream.seekg(static_cast<std::streamoff>(byte));
+  const auto flipped = static_cast<char>(stream.get() ^ (1 << bit));
+  stream.seekp(static_cast<std::streamoff>(byte));
+  stream.put(flipped);
+}
+
+std::string ReadFile(const std::string& file) {
+  std::ifstream stream(file, std::ios::binary);
+  return {std::istreambuf_iterator<char>(stream), {}};
+}
+
+/// Two maps that a service has made: one of three sessions, one of which is a fragment, and one of a single keyframe.
+class DamagedDatabaseTest : public ServiceFixture {
+ protected:
+  DamagedDatabaseTest() {
+    const SessionId founder = OpenAndUpload(world_, "room", {-1, 0, 1});
+    OpenAndUpload(world_, "room", {0.5});
+    OpenAndUpload(SyntheticWorld(99), "room", {0});
+    OpenAndUpload(world_, "attic", {0});
+    SharedMapInput input;
+    input.session = founder;
+    input.view.T_frame_camera = SyntheticWorld::Stand(0, -2, 0);
+    Check(service_->RequestSharedMap(context_, input, [](const std::string&) { return absl::OkStatus(); }).status());
+    Value(service_->PutTag(context_, "room", "monday", "2"));
+    Check(service_->CloseSession(context_, founder).status());
+    Check(store_->Write(context_, [&](MapWriter& writer) {
+      return writer.AppendPlaceBlock(Value(writer.FindMap("room")).id, TestBytes(5, 30'000));
+    }));
+    // What is not in the main file has checksums of SQLite's own.
+    service_.reset();
+    Check(store_->Close());
+    std::filesystem::copy_file(folder_ / "map.db", copy_);
+  }
+  ~DamagedDatabaseTest() override {
+    // The base class closes what it has opened.
+    service_.reset();
+  }
+
+  SessionId OpenAndUpload(const SyntheticWorld& world, const std::string& map, const std::vector<double>& stands_x_m) {
+    const SessionId session = Open(SensorKind::kRgbd, map);
+    uint32_t number = 0;
+    for (const double x_m : stands_x_m) {
+      MustUpload(world, SyntheticWorld::Stand(x_m, -2, 0), session, number, 1 + 10'000 * number);
+      ++number;
+    }
+    return session;
+  }
+
+  /// Everything that a server reads, as text; throws what an error says.
+  std::string ReadAll() const {
+    const auto store = Value(OpenSqliteMapStore(copy_, {.sync_commits = false}));
+    const auto reader = Value(store->Read());
+    std::string dump;
+    for (const MapRecord& map : Value(reader->ListMaps())) {
+      dump += DumpMap(*reader, map.id);
+      for (const FrameRecord& frame : Value(reader->ListFrames(map.id, std::nullopt))) {
+        dump += fmt::format("packet {:08x}\n", Crc32c(Value(reader->GetPacket(frame.id))));
+      }
+      for (const SessionRecord& session : Value(reader->ListSessions(map.id))) {
+        dump += fmt::format("camera {}x{}\n", Value(reader->GetCamera(session.camera)).camera.width_px,
+                            Value(reader->GetCamera(session.camera)).camera.height_px);
+        for (const PointRecord& point : Value(reader->PointsOfSession(session.id))) {
+          const Eigen::Vector3f& direction = point.view_direction;
+          dump += fmt::format("point {} {} {} {} {} {} {} {:08x} {}\n", point.id.value(), direction.x(), direction.y(),
+                              direction.z(), point.reference_distance_m, point.num_observations, point.confidence,
+                              Crc32c({reinterpret_cast<const char*>(&point.descriptor), OrbDescriptor::kBytes}),
+                              fmt::join(Values(point.observers), " "));
+        }
+      }
+      for (const TileRecord& tile : Value(reader->ListTiles(map.id, std::nullopt))) {
+        const std::optional<TileBlob> blob = Value(reader->GetTileBlob(map.id, tile.key));
+        if (blob) dump += fmt::format("blob {} {:08x}\n", blob->revision.value(), Crc32c(blob->bytes));
+      }
+      for (const std::string& block : Value(reader->ListPlaceBlocks(map.id))) {
+        dump += fmt::format("places {:08x}\n", Crc32c(block));
+      }
+      for (const TagRecord& tag : Value(reader->ListTags(map.id))) {
+        dump += fmt::format("tag {} {}\n", tag.name, tag.revision.value());
+      }
+      const auto before = Value(store->ReadAsOf(map.id, Revision(1)));
+      dump += DumpMap(*before, map.id);
+    }
+    return dump;
+  }
+  static std::vector<uint64_t> Values(const std::vector<FrameId>& ids) {
+    std::vector<uint64_t> values;
+    for (const FrameId id : ids) values.push_back(id.value());
+    return values;
+  }
+
+  const std::string copy_ = (folder_ / "copy.db").string();
+};
+
+TEST_F(DamagedDatabaseTest, IsReadAsItWasOrNamesTheDamage) {
+  const std::string written = ReadFile(copy_);
+  const std::string content = ReadAll();
+  ASSERT_THAT(content, AllOf(HasSubstr("blob "), HasSubstr("places "), HasSubstr("tag monday"), HasSubstr("packet ")));
+  Rng rng(20260115);
+  int num_harmless = 0;
+  int num_reported = 0;
+  for (int i = 0; i < NumPlaces(); ++i) {
+    const size_t byte = rng.Below(written.size());
+    const int bit = static_cast<int>(rng.Below(8));
+    SCOPED_TRACE(fmt::format("byte {} (page {}) bit {}", byte, byte / kPageBytes + 1, bit));
+    FlipBit(copy_, byte, bit);
+    try {
+      EXPECT_TRUE(ReadAll() == content) << "other content than was written";
+      ++num_harmless;
+    } catch (const std::runtime_error& error) {
+      EXPECT_THAT(error.what(),
+                  ContainsRegex(fmt::format("^DATA_LOSS: .*page {} .*is damaged", byte / kPageBytes + 1)));
+      ++num_reported;
+    }
+    FlipBit(copy_, byte, bit);
+    ASSERT_FALSE(HasFailure());
+  }
+  EXPECT_TRUE(ReadFile(copy_) == written) << "reading has changed the file";
+  EXPECT_GT(num_reported, num_harmless);
+  RecordProperty("reported", num_reported);
+  RecordProperty("harmless", num_harmless);
+}
+
+}  // namespace
+}  // namespace mapp::testing
