@@ -107,7 +107,10 @@ Status WriterThread::RunBatch(Request* first, std::vector<Request*>* batch) {
 /// A full disk or an I/O error may roll back the whole transaction: the changes before `request` are lost with it.
 Status WriterThread::CheckInTransaction(const Request& request) const {
   if (db_->in_transaction()) return absl::OkStatus();
-  return request.status.ok() ? absl::InternalError("map database: the transaction has ended early") : request.status;
+  if (request.status.ok()) return absl::InternalError("map database: the transaction has ended early");
+  if (!absl::IsDataLoss(request.status)) return request.status;
+  // What that change met is no fault of the others, which may do without the page.
+  return absl::UnavailableError("map database: undone with another change, which met a damaged page: try again");
 }
 
 void WriterThread::Conclude(const std::vector<Request*>& batch, const Status& committed) {

@@ -1,6 +1,8 @@
 // Flips bits of a database that the service has written: what is read is what was written, or an error says so.
 #include "mapp/base/bytes.h"
 #include "mapp/base/rng.h"
+#include "mapp/codec/keyframe_codec.h"
+#include "mapp/codec/tile_codec.h"
 #include "storage/sqlite/sqlite_map_store.h"
 #include "tests/unit/server/service_fixture.h"
 #include "tests/unit/storage/map_dump.h"
@@ -11,6 +13,7 @@
 
 #include <cstdlib>
 #include <fstream>
+#include <map>
 
 namespace mapp::testing {
 namespace {
@@ -41,20 +44,21 @@ std::string ReadFile(const std::string& file) {
   return {std::istreambuf_iterator<char>(stream), {}};
 }
 
-/// Two maps that a service has made: one of three sessions, one of which is a fragment, and one of a single keyframe.
+/// Two maps that a service has made: one of three sessions, two of them fragments, and one of a single keyframe.
 class DamagedDatabaseTest : public ServiceFixture {
  protected:
   DamagedDatabaseTest() {
     const SessionId founder = OpenAndUpload(world_, "room", {-1, 0, 1});
-    OpenAndUpload(world_, "room", {0.5});
+    const SessionId closed = OpenAndUpload(world_, "room", {0.5});
     OpenAndUpload(SyntheticWorld(99), "room", {0});
-    OpenAndUpload(world_, "attic", {0});
+    founders_["room"] = founder;
+    founders_["attic"] = OpenAndUpload(world_, "attic", {0});
     SharedMapInput input;
     input.session = founder;
     input.view.T_frame_camera = SyntheticWorld::Stand(0, -2, 0);
     Check(service_->RequestSharedMap(context_, input, [](const std::string&) { return absl::OkStatus(); }).status());
     Value(service_->PutTag(context_, "room", "monday", "2"));
-    Check(service_->CloseSession(context_, founder).status());
+    Check(service_->CloseSession(context_, closed).status());
     Check(store_->Write(context_, [&](MapWriter& writer) {
       return writer.AppendPlaceBlock(Value(writer.FindMap("room")).id, TestBytes(5, 30'000));
     }));
@@ -76,6 +80,51 @@ class DamagedDatabaseTest : public ServiceFixture {
       ++number;
     }
     return session;
+  }
+
+  struct Answers {
+    int num_ok = 0;
+    std::vector<Status> errors;
+    void Take(const Status& status) {
+      if (status.ok()) {
+        ++num_ok;
+      } else {
+        errors.push_back(status);
+      }
+    }
+  };
+  /// What a device asks that enters a map, and uploads.
+  Answers Visit(MapService& service, const std::string& map) {
+    Answers answers;
+    answers.Take(service.GetMap(context_, map, "").status());
+    answers.Take(service.ListSessions(context_, map).status());
+    answers.Take(service.ListRevisions(context_, map, 10).status());
+    OpenSessionInput input;
+    input.map_name = map;
+    input.device = "visitor";
+    input.camera = SyntheticWorld::DeviceCamera();
+    const StatusOr<OpenedSession> opened = service.OpenSession(context_, input);
+    answers.Take(opened.status());
+    if (!opened.ok()) return answers;
+    const Pose3 stand = SyntheticWorld::Stand(0.2, -2, 0);
+    answers.Take(
+        service.UploadKeyframe(context_, EncodeKeyframe(world_.View(stand, opened->session, 0, rng_))).status());
+    // A founder asks in the map's own frame, with what is in the map already.
+    const SessionId founder = founders_.at(map);
+    answers.Take(service.UploadKeyframe(context_, EncodeKeyframe(world_.View(stand, founder, 9, rng_))).status());
+    ViewQuery view;
+    view.T_frame_camera = stand;
+    view.sketch =
+        MakeQuerySketch(view.sampler, input.camera, OwnPoints(world_.View(stand, founder, 0, rng_), input.camera));
+    constexpr int kNumSamples = 100;
+    answers.Take(service.AssessOverlap(context_, founder, view, kNumSamples).status());
+    SharedMapInput shared;
+    shared.session = founder;
+    shared.view.T_frame_camera = stand;
+    const auto decode = [](const std::string& bytes) { return DecodeTile(bytes).status(); };
+    answers.Take(service.RequestSharedMap(context_, shared, decode).status());
+    answers.Take(service.CloseSession(context_, opened->session).status());
+    return answers;
   }
 
   /// Everything that a server reads, as text; throws what an error says.
@@ -120,6 +169,7 @@ class DamagedDatabaseTest : public ServiceFixture {
     return values;
   }
 
+  std::map<std::string, SessionId> founders_;
   const std::string copy_ = (folder_ / "copy.db").string();
 };
 
@@ -150,6 +200,46 @@ TEST_F(DamagedDatabaseTest, IsReadAsItWasOrNamesTheDamage) {
   EXPECT_GT(num_reported, num_harmless);
   RecordProperty("reported", num_reported);
   RecordProperty("harmless", num_harmless);
+}
+
+TEST_F(DamagedDatabaseTest, ACallThatMeetsADamagedPageFailsAloneAndByName) {
+  const std::string original = copy_ + ".original";
+  std::filesystem::rename(copy_, original);
+  const size_t num_pages = std::filesystem::file_size(original) / kPageBytes;
+  Rng rng(3);
+  int num_all_served = 0;
+  int num_others_served = 0;
+  int num_refused = 0;
+  for (size_t page = 1; page <= num_pages; ++page) {
+    SCOPED_TRACE(fmt::format("page {}", page));
+    std::filesystem::copy_file(original, copy_, std::filesystem::copy_options::overwrite_existing);
+    FlipBit(copy_, (page - 1) * kPageBytes + rng.Below(kPageBytes), static_cast<int>(rng.Below(8)));
+    const auto is_named = ContainsRegex(fmt::format("page {} of copy.db is damaged", page));
+    const auto store = OpenSqliteMapStore(copy_, {.sync_commits = false});
+    auto service = store.ok() ? MapService::Create(**store, {}) : store.status();
+    if (!service.ok()) {
+      EXPECT_THAT(service, HasCode(absl::StatusCode::kDataLoss));
+      EXPECT_THAT(std::string(service.status().message()), is_named);
+      ++num_refused;
+      continue;
+    }
+    const Answers room = Visit(**service, "room");
+    const Answers attic = Visit(**service, "attic");
+    for (const Status& error : room.errors) {
+      EXPECT_THAT(error, HasCode(absl::StatusCode::kDataLoss));
+      EXPECT_THAT(std::string(error.message()), is_named);
+    }
+    num_all_served += room.errors.empty() && attic.errors.empty();
+    num_others_served += !room.errors.empty() && attic.errors.empty();
+    service->reset();
+    Check((*store)->Close());
+  }
+  RecordProperty("pages", static_cast<int>(num_pages));
+  RecordProperty("all_served", num_all_served);
+  RecordProperty("others_served", num_others_served);
+  RecordProperty("refused", num_refused);
+  EXPECT_GT(num_others_served, 0);
+  EXPECT_GT(num_refused, 0);
 }
 
 }  // namespace
