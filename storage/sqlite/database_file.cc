@@ -33,7 +33,7 @@ Status SetCommonPragmas(Connection& db, int cache_kb) {
 /// Settings that only count while the file is still empty.
 Status SetCreationPragmas(Connection& db, const SqliteOptions& options) {
   MAPP_RETURN_IF_ERROR(db.Execute(fmt::format("PRAGMA page_size = {};", options.page_size_bytes)));
-  ReserveTrailer(db);
+  if (options.page_checksums) ReserveTrailer(db);
   return db.Execute("PRAGMA auto_vacuum = INCREMENTAL;");
 }
 

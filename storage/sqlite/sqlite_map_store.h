@@ -16,6 +16,9 @@ struct SqliteOptions {
   /// Bytes a page, a power of two in [512, 65536]; takes effect when the file is created. Larger pages make a packet
   /// (about 40 KB) and a tile cheaper and small updates dearer. 16 KB writes packets 30-40 % faster than SQLite's 4 KB.
   int page_size_bytes = 16384;
+  /// A checksum at the end of every page, so that damage is found before it is served; takes effect when the file is
+  /// created. docs/formats/database.md.
+  bool page_checksums = true;
   /// How long to wait for a lock that another process holds (a backup, a tool) before UNAVAILABLE.
   std::chrono::milliseconds busy_timeout{5000};
   /// synchronous = FULL: what Write has acknowledged survives a power cut. Without it only a crash of the process, in
