@@ -72,7 +72,8 @@ class ChecksumFile {
     const std::string_view bytes(static_cast<const char*>(buffer), static_cast<size_t>(num_bytes));
     Learn(bytes, offset);
     // SQLite also reads parts of the first page: the header before it knows the page size, the change counter.
-    if (!has_checksums_ || bytes.size() != page_bytes_) return SQLITE_OK;
+    const bool is_page = page_bytes_ > 0 ? bytes.size() == page_bytes_ : bytes.size() >= kLeastPageBytes;
+    if (!has_checksums_ || !is_page) return SQLITE_OK;
     return CheckPage(bytes, PageNumber(offset, num_bytes)) ? SQLITE_OK : SQLITE_IOERR_DATA;
   }
 
@@ -129,9 +130,12 @@ class ChecksumFile {
   void Learn(std::string_view bytes, sqlite3_int64 offset) {
     if (offset != 0 || bytes.size() < kFileHeaderBytes || !bytes.starts_with(kHeaderMagic)) return;
     const auto byte = [&](size_t i) { return static_cast<uint32_t>(static_cast<unsigned char>(bytes[i])); };
-    page_bytes_ = byte(kPageSizeOffset) << 8 | byte(kPageSizeOffset + 1);
-    if (page_bytes_ == 1) page_bytes_ = kGreatestPageBytes;
-    // A database does not lose its checksums again, and damage must not take it for one without.
+    // Neither the page size nor the checksums of a database with checksums change: to say so would be damage.
+    if (!has_checksums_) {
+      const uint32_t told = byte(kPageSizeOffset) << 8 | byte(kPageSizeOffset + 1);
+      page_bytes_ = told == 1 ? kGreatestPageBytes : told;
+      if (page_bytes_ < kLeastPageBytes || !std::has_single_bit(page_bytes_)) page_bytes_ = 0;
+    }
     if (byte(kReservedBytesOffset) == kPageTrailerBytes) has_checksums_ = true;
     if (bytes.size() == page_bytes_ && Trailer::Read(bytes).tag == (kTrailerTag ^ 1)) has_checksums_ = true;
   }
@@ -152,8 +156,8 @@ class ChecksumFile {
     return false;
   }
 
-  sqlite3_file base_{};  ///< first: what SQLite sees
-  uint32_t page_bytes_ = 0;
+  sqlite3_file base_{};      ///< first: what SQLite sees
+  uint32_t page_bytes_ = 0;  ///< 0: not known, or told wrong
   bool has_checksums_ = false;
   uint32_t damaged_page_ = 0;
   std::unique_ptr<char[]> scratch_;  ///< a page to be written

@@ -157,7 +157,9 @@ TEST_F(ChecksumVfsTest, EveryFlippedBitIsFoundAndItsPageNamed) {
   db.reset();
   const std::string content = Value(Content());
   Rng rng(7);
-  std::vector<size_t> bytes = {kReservedBytesOffset, 24, 28, 40, 92, 99, 100, kPageBytes - 8, kPageBytes - 1};
+  std::vector<size_t> bytes = {100, kPageBytes - 8, kPageBytes - 1};
+  constexpr size_t kAfterMagic = 16;  // a file that does not begin as a database is none to SQLite
+  for (size_t byte = kAfterMagic; byte < 100; ++byte) bytes.push_back(byte);
   const size_t num_pages = std::filesystem::file_size(file_) / kPageBytes;
   for (size_t page = 0; page < num_pages; ++page)
     bytes.push_back(page * kPageBytes + 100 + rng.Below(kPageBytes - 100));
@@ -182,6 +184,21 @@ TEST_F(ChecksumVfsTest, EveryFlippedBitIsFoundAndItsPageNamed) {
     FlipBit(file_, byte, bit);
   }
   EXPECT_EQ(Value(Content()), content);
+}
+
+TEST_F(ChecksumVfsTest, DamageToTheHeaderOfAnOpenFileDoesNotEndTheChecks) {
+  const auto db = Create("WAL");
+  Insert(*db, 0, 60);
+  Value(db->QueryInt64("PRAGMA wal_checkpoint(TRUNCATE)"));
+  for (const auto& [byte, bit] : {std::pair(kReservedBytesOffset, 3), std::pair(size_t{16}, 4)}) {
+    FlipBit(file_, byte, bit);
+    // In place, without the first page, which would be written whole and sound.
+    Check(db->Prepare("UPDATE t SET value = randomblob(length(value)) WHERE id = 20").Run());
+    Value(db->QueryInt64("PRAGMA wal_checkpoint(TRUNCATE)"));
+    FlipBit(file_, byte, bit);
+    ExpectSealed();
+  }
+  EXPECT_THAT(Value(Content()), HasSubstr("row 20"));
 }
 
 TEST_F(ChecksumVfsTest, APageInAnothersPlaceIsDamage) {

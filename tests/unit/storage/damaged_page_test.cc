@@ -46,6 +46,15 @@ TEST_F(DamagedPageTest, IsNamedToWhoReadsIt) {
   }
 }
 
+TEST_F(DamagedPageTest, IsNamedWhenTheFileDoesNotBeginAsADatabase) {
+  std::string bytes = ReadBytes(file_);
+  bytes[3] = static_cast<char>(bytes[3] ^ 4);
+  WriteBytes(file_, bytes);
+  const auto store = OpenSqliteMapStore(file_);
+  EXPECT_THAT(store, HasCode(StatusCode::kDataLoss));
+  EXPECT_THAT(std::string(store.status().message()), AllOf(HasSubstr(file_), HasSubstr("page 1 is damaged")));
+}
+
 TEST_F(DamagedPageTest, LetsOtherWritersTryAgain) {
   constexpr int kRounds = 10;
   constexpr int kWriters = 6;
