@@ -1,6 +1,7 @@
 // `mapp verify --server`: the server looks through its own database and tells what it has found.
 
 #include "cli/verify.h"
+#include "storage/sqlite/checksum_vfs.h"
 #include "storage/verify.h"
 #include "tests/integration/rpc/rpc_fixture.h"
 
@@ -39,7 +40,7 @@ class VerifyRpcTest : public RpcTest {
   /// Beside the server, as no operator should.
   void RunSql(const std::string& sql) const {
     sqlite3* db = nullptr;
-    ASSERT_EQ(sqlite3_open(database_.c_str(), &db), SQLITE_OK);
+    ASSERT_EQ(sqlite3_open_v2(database_.c_str(), &db, SQLITE_OPEN_READWRITE, sqlite::ChecksumVfsName()), SQLITE_OK);
     EXPECT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
     sqlite3_close(db);
   }

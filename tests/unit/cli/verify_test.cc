@@ -1,5 +1,6 @@
 #include "cli/verify.h"
 
+#include "storage/sqlite/checksum_vfs.h"
 #include "storage/sqlite/sqlite_map_store.h"
 #include "tests/unit/datasets/temp_folder.h"
 
@@ -33,7 +34,8 @@ class VerifyCommandTest : public ::testing::Test {
 
   void RunSql(const std::string& sql) const {
     sqlite3* db = nullptr;
-    ASSERT_EQ(sqlite3_open(options_.database.c_str(), &db), SQLITE_OK);
+    ASSERT_EQ(sqlite3_open_v2(options_.database.c_str(), &db, SQLITE_OPEN_READWRITE, sqlite::ChecksumVfsName()),
+              SQLITE_OK);
     EXPECT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
     sqlite3_close(db);
   }

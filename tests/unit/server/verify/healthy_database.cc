@@ -1,5 +1,6 @@
 #include "tests/unit/server/verify/healthy_database.h"
 
+#include "storage/sqlite/checksum_vfs.h"
 #include "tests/unit/server/quarantine_fixture.h"
 #include "vision/place_block.h"
 
@@ -100,7 +101,7 @@ DatabaseCopy::~DatabaseCopy() { fs::remove_all(folder_); }
 
 void DatabaseCopy::RunSql(const std::string& sql) const {
   sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open(file_.c_str(), &db), SQLITE_OK);
+  ASSERT_EQ(sqlite3_open_v2(file_.c_str(), &db, SQLITE_OPEN_READWRITE, sqlite::ChecksumVfsName()), SQLITE_OK);
   EXPECT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
   EXPECT_TRUE(sqlite3_total_changes(db) > 0 || sql.starts_with("DROP")) << "it changed nothing: " << sql;
   sqlite3_close(db);
