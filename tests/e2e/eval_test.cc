@@ -159,10 +159,11 @@ TEST(AdapterTest, SessionsOfAForeignSystemBecomeOneTrueMap) {
   const ExperimentResult& adapter = results->experiments.front();
   EXPECT_EQ(FirstRow(adapter, "sessions merged"), 3);
   EXPECT_EQ(FirstRow(adapter, "keyframes in the map"), 100);
-  const std::optional<double> closed_m = FirstRow(adapter, "joint ATE, sessions closed, m");
+  const std::optional<double> odometry_m = FirstRow(adapter, "odometry, mean ATE of a session, m");
   const std::optional<double> whole_m = FirstRow(adapter, "joint ATE, whole map optimized, m");
-  ASSERT_TRUE(closed_m && whole_m);
-  EXPECT_LT(*whole_m, 0.8 * *closed_m);
+  ASSERT_TRUE(odometry_m && whole_m);
+  // What sessions are left with when they close depends on which keyframes were associated by then.
+  EXPECT_LT(*whole_m, 0.5 * *odometry_m);
   EXPECT_LT(*whole_m, 0.022);
 }
 

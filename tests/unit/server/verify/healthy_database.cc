@@ -101,7 +101,8 @@ DatabaseCopy::~DatabaseCopy() { fs::remove_all(folder_); }
 
 void DatabaseCopy::RunSql(const std::string& sql) const {
   sqlite3* db = nullptr;
-  ASSERT_EQ(sqlite3_open_v2(file_.c_str(), &db, SQLITE_OPEN_READWRITE, sqlite::ChecksumVfsName()), SQLITE_OK);
+  ASSERT_EQ(sqlite3_open_v2(file_.c_str(), &db, SQLITE_OPEN_READWRITE | SQLITE_OPEN_CREATE, sqlite::ChecksumVfsName()),
+            SQLITE_OK);
   EXPECT_EQ(sqlite3_exec(db, sql.c_str(), nullptr, nullptr, nullptr), SQLITE_OK) << sqlite3_errmsg(db);
   EXPECT_TRUE(sqlite3_total_changes(db) > 0 || sql.starts_with("DROP")) << "it changed nothing: " << sql;
   sqlite3_close(db);
