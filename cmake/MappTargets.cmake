@@ -87,7 +87,7 @@ function(mapp_add_test)
     add_test(NAME ${ARG_NAME} COMMAND ${ARG_NAME})
     set_tests_properties(${ARG_NAME} PROPERTIES LABELS "${ARG_LABELS}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${serial})
   else()
-    gtest_discover_tests(${ARG_NAME} TEST_PREFIX ${ARG_NAME}/ DISCOVERY_MODE PRE_TEST
+    gtest_discover_tests(${ARG_NAME} TEST_PREFIX ${ARG_NAME}/ DISCOVERY_MODE PRE_TEST NO_PRETTY_VALUES
       PROPERTIES LABELS "${labels}" TIMEOUT ${ARG_TIMEOUT} RUN_SERIAL ${serial})
   endif()
   set_property(GLOBAL APPEND PROPERTY MAPP_TEST_SOURCES ${ARG_SRCS})
