@@ -1,8 +1,5 @@
-#include "cli/admin_client.h"
-
 #include "api/convert/convert.h"
-#include "api/status/grpc_status.h"
-#include "mapp/v1/admin_service.grpc.pb.h"
+#include "cli/admin_client_impl.h"
 
 #include <fmt/format.h>
 #include <grpcpp/create_channel.h>
@@ -16,9 +13,6 @@
 namespace mapp {
 namespace {
 
-constexpr std::chrono::seconds kCallTimeout(10);
-/// Deleting and exporting touch everything a map holds.
-constexpr std::chrono::minutes kBulkCallTimeout(10);
 /// Any database is copied and checked by then.
 constexpr std::chrono::hours kWholeFileTimeout(24);
 
@@ -42,28 +36,6 @@ StatusOr<MapSummary> ToSummary(const v1::MapInfo& info) {
   }
   if (info.has_bounds()) map.bounds = Aabb(ToVector(info.bounds().min()), ToVector(info.bounds().max()));
   return map;
-}
-
-StatusOr<SessionSummary> ToSummary(const v1::SessionInfo& info) {
-  SessionSummary session;
-  session.id = info.id();
-  session.map_name = info.map_name();
-  session.device = info.device();
-  MAPP_ASSIGN_OR_RETURN(session.sensor, FromProto(info.sensor(), "sensor"));
-  session.opened_unix_ns = info.opened_unix_ns();
-  session.closed_unix_ns = info.closed_unix_ns();
-  if (info.has_pose_map_session()) {
-    MAPP_ASSIGN_OR_RETURN(session.T_map_session, FromProto(info.pose_map_session(), "pose_map_session"));
-    MAPP_ASSIGN_OR_RETURN(session.scale_map_session, ScaleFromProto(info.scale_map_session(), "scale_map_session"));
-    session.aligned_at_keyframe = info.aligned_at_keyframe();
-  }
-  session.num_keyframes = info.num_keyframes();
-  session.num_upload_bytes = info.num_upload_bytes();
-  if (info.has_quarantine()) {
-    session.quarantine = QuarantineSummary{info.quarantine().since_unix_ns(), info.quarantine().reason(),
-                                           info.quarantine().released_unix_ns()};
-  }
-  return session;
 }
 
 StatusOr<MapFrameSummary> ToSummary(const v1::ExportedFrame& exported) {
@@ -95,35 +67,7 @@ std::vector<TagSummary> ToSummaries(const google::protobuf::RepeatedPtrField<v1:
   return summaries;
 }
 
-/// A server's own answer that fails validation is not the caller's fault.
-Status BadAnswer(const Status& status) {
-  return absl::DataLossError(fmt::format("the server's answer: {}", std::string(status.message())));
-}
-
 }  // namespace
-
-struct AdminClient::Impl {
-  std::string server;
-  std::unique_ptr<v1::AdminService::Stub> stub;
-
-  Status ToStatus(const grpc::Status& status) const {
-    if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
-      return Annotate(FromGrpcStatus(status), fmt::format("server {}", server));
-    }
-    return FromGrpcStatus(status);
-  }
-
-  template <typename Request, typename Response>
-  StatusOr<Response> Call(grpc::Status (v1::AdminService::Stub::*method)(grpc::ClientContext*, const Request&,
-                                                                         Response*),
-                          const Request& request, std::chrono::milliseconds timeout) {
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + timeout);
-    Response response;
-    MAPP_RETURN_IF_ERROR(ToStatus((stub.get()->*method)(&context, request, &response)));
-    return response;
-  }
-};
 
 AdminClient::AdminClient(const std::string& server) : impl_(std::make_unique<Impl>()) {
   grpc::ChannelArguments arguments;
@@ -185,28 +129,6 @@ StatusOr<std::pair<uint64_t, uint64_t>> AdminClient::DeleteMap(const std::string
   MAPP_ASSIGN_OR_RETURN(const v1::DeleteMapResponse response,
                         impl_->Call(&v1::AdminService::Stub::DeleteMap, request, kBulkCallTimeout));
   return std::pair(response.num_frames(), response.num_points());
-}
-
-StatusOr<std::vector<SessionSummary>> AdminClient::ListSessions(const std::string& map_name) {
-  v1::ListSessionsRequest request;
-  request.set_map_name(map_name);
-  MAPP_ASSIGN_OR_RETURN(const v1::ListSessionsResponse response,
-                        impl_->Call(&v1::AdminService::Stub::ListSessions, request, kCallTimeout));
-  std::vector<SessionSummary> sessions;
-  for (const v1::SessionInfo& info : response.sessions()) {
-    StatusOr<SessionSummary> session = ToSummary(info);
-    if (!session.ok()) return BadAnswer(session.status());
-    sessions.push_back(*std::move(session));
-  }
-  return sessions;
-}
-
-StatusOr<uint64_t> AdminClient::ReleaseSession(uint64_t session_id) {
-  v1::ReleaseSessionRequest request;
-  request.set_session_id(static_cast<uint32_t>(session_id));
-  MAPP_ASSIGN_OR_RETURN(const v1::ReleaseSessionResponse response,
-                        impl_->Call(&v1::AdminService::Stub::ReleaseSession, request, kBulkCallTimeout));
-  return response.num_frames();
 }
 
 StatusOr<MapContent> AdminClient::ExportMap(const std::string& name, const std::string& at) {

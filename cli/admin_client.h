@@ -32,6 +32,10 @@ class AdminClient {
   StatusOr<std::vector<SessionSummary>> ListSessions(const std::string& map_name);
   /// Lifts a session's quarantine; the number of frames that the map has taken in for it.
   StatusOr<uint64_t> ReleaseSession(uint64_t session_id);
+  /// Takes a session's contribution out of its map.
+  StatusOr<RevertedSummary> RevertSession(uint64_t session_id, const std::string& reason, bool dry_run);
+  /// Forgets a session; with `force` also an open one.
+  StatusOr<ErasedSummary> EraseSession(uint64_t session_id, bool force, bool dry_run);
   /// Everything the map holds, frames by session and number.
   StatusOr<MapContent> ExportMap(const std::string& name, const std::string& at = {});
   StatusOr<RevisionLogSummary> ListRevisions(const std::string& name, uint32_t max_runs);

@@ -70,7 +70,8 @@ void AddMaps(CLI::App& app, Command& chosen) {
 }
 
 void AddSessions(CLI::App& app, Command& chosen) {
-  CLI::App* sessions = app.add_subcommand("sessions", "List, show and release sessions")->require_subcommand(1);
+  CLI::App* sessions =
+      app.add_subcommand("sessions", "List, show, revert, erase and release sessions")->require_subcommand(1);
   auto list = std::make_shared<SessionsListOptions>();
   CLI::App* command = sessions->add_subcommand("list", "Sessions, oldest first");
   AddServer(*command, list->server);
@@ -85,9 +86,39 @@ void AddSessions(CLI::App& app, Command& chosen) {
   show_command->add_option("id", show->id, "Number of the session")->required()->type_name("SESSION");
   show_command->callback([show, &chosen] { chosen = [show] { return RunSessionsShow(*show, std::cout); }; });
 
+  auto revert = std::make_shared<SessionsRevertOptions>();
+  CLI::App* revert_command =
+      sessions->add_subcommand("revert", "Take a session's whole contribution out of its map; release brings it back");
+  AddServer(*revert_command, revert->server);
+  AddJson(*revert_command, revert->json);
+  revert_command->add_option("--reason", revert->reason, "For other operators and the device")->type_name("TEXT");
+  revert_command->add_flag("--dry-run", revert->dry_run, "Only say what would go");
+  revert_command->add_flag("--yes", revert->yes, "Do not ask");
+  revert_command->add_option("id", revert->id, "Number of the session")->required()->type_name("SESSION");
+  revert_command->footer("Example: mapp sessions revert 7 --reason \"camera was loose\"");
+  revert_command->callback([revert, &chosen] {
+    revert->interactive = isatty(STDIN_FILENO) == 1;
+    chosen = [revert] { return RunSessionsRevert(*revert, std::cin, std::cout); };
+  });
+
+  auto erase = std::make_shared<SessionsEraseOptions>();
+  CLI::App* erase_command = sessions->add_subcommand(
+      "erase", "Forget a session for good: what it sent and what was made of it; ends the map's readable past");
+  AddServer(*erase_command, erase->server);
+  AddJson(*erase_command, erase->json);
+  erase_command->add_flag("--force", erase->force, "Also when it is open");
+  erase_command->add_flag("--dry-run", erase->dry_run, "Only say what would go");
+  erase_command->add_flag("--yes", erase->yes, "Do not ask");
+  erase_command->add_option("id", erase->id, "Number of the session")->required()->type_name("SESSION");
+  erase_command->footer("Example: mapp sessions erase 7 --dry-run");
+  erase_command->callback([erase, &chosen] {
+    erase->interactive = isatty(STDIN_FILENO) == 1;
+    chosen = [erase] { return RunSessionsErase(*erase, std::cin, std::cout); };
+  });
+
   auto release = std::make_shared<SessionsReleaseOptions>();
-  CLI::App* release_command =
-      sessions->add_subcommand("release", "Lift a session's quarantine for good; what was left out enters the map");
+  CLI::App* release_command = sessions->add_subcommand(
+      "release", "Lift a quarantine or a reversion for good; what was left out enters the map");
   AddServer(*release_command, release->server);
   AddJson(*release_command, release->json);
   release_command->add_flag("--yes", release->yes, "Do not ask");

@@ -40,6 +40,23 @@ struct QuarantineSummary {
   int64_t released_unix_ns = 0;  ///< 0 while it stands
 };
 
+/// What taking a session out of its map has changed, or would.
+struct RevertedSummary {
+  uint64_t map_revision = 0;  ///< 0: nothing of it was in the map
+  uint64_t num_frames = 0;
+  uint64_t num_points = 0;  ///< that nobody else observes
+  uint64_t num_sessions_to_optimize = 0;
+};
+
+/// What forgetting a session has taken, or would.
+struct ErasedSummary {
+  uint64_t map_revision = 0;  ///< the map's oldest one now
+  uint64_t num_frames = 0;    ///< of the keyframe log
+  uint64_t num_points = 0;
+  uint64_t num_points_kept = 0;           ///< of its points, those that others observe
+  std::vector<std::string> dropped_tags;  ///< of earlier revisions
+};
+
 /// How far the optimisation of a whole map is.
 struct MapOptimizationStep {
   uint32_t round = 0;  ///< between rounds, points that turn out to be one are fused

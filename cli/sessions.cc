@@ -6,6 +6,7 @@
 #include "text/json_writer.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <algorithm>
 #include <utility>
@@ -131,6 +132,76 @@ Status RunSessionsShow(const SessionsShowOptions& options, std::ostream& out) {
   JsonWriter json;
   AppendSession(session, json);
   out << std::move(json).Finish();
+  return absl::OkStatus();
+}
+
+Status RunSessionsRevert(const SessionsRevertOptions& options, std::istream& in, std::ostream& out) {
+  AdminClient client(options.server);
+  MAPP_ASSIGN_OR_RETURN(const SessionSummary session, FindSession(client, options.id));
+  MAPP_ASSIGN_OR_RETURN(RevertedSummary reverted, client.RevertSession(options.id, options.reason, /*dry_run=*/true));
+  if (!options.dry_run) {
+    const Question question{
+        .text = fmt::format("Take session {} of {} out of map {}: {} frames, {} points that nobody else observes?",
+                            session.id, session.device, session.map_name, reverted.num_frames, reverted.num_points),
+        .doing = "reverting a session",
+        .not_done = "the session stays in the map",
+        .yes = options.yes,
+        .interactive = options.interactive};
+    MAPP_RETURN_IF_ERROR(Confirm(question, in, out));
+    MAPP_ASSIGN_OR_RETURN(reverted, client.RevertSession(options.id, options.reason, /*dry_run=*/false));
+  }
+  if (options.json) {
+    JsonWriter json;
+    json.BeginObject().Field("id", session.id).Field("dry_run", options.dry_run);
+    json.Field("map_revision", reverted.map_revision).Field("num_frames", reverted.num_frames);
+    json.Field("num_points", reverted.num_points);
+    json.Field("num_sessions_to_optimize", reverted.num_sessions_to_optimize).EndObject();
+    out << std::move(json).Finish();
+    return absl::OkStatus();
+  }
+  out << fmt::format("{} session {}: {} frames and {} points out of map {}, {} other sessions {} again\n",
+                     options.dry_run ? "would revert" : "reverted", session.id, reverted.num_frames,
+                     reverted.num_points, session.map_name, reverted.num_sessions_to_optimize,
+                     options.dry_run ? "to optimize" : "are optimized");
+  if (!options.dry_run) out << fmt::format("`mapp sessions release {}` brings it back\n", session.id);
+  return absl::OkStatus();
+}
+
+Status RunSessionsErase(const SessionsEraseOptions& options, std::istream& in, std::ostream& out) {
+  AdminClient client(options.server);
+  MAPP_ASSIGN_OR_RETURN(const SessionSummary session, FindSession(client, options.id));
+  MAPP_ASSIGN_OR_RETURN(ErasedSummary erased, client.EraseSession(options.id, options.force, /*dry_run=*/true));
+  if (!options.dry_run) {
+    const Question question{
+        .text = fmt::format("Forget session {} of {} in map {} for good: {} keyframes and {} points? {} of its points "
+                            "that others observe stay. The map's past before now cannot be read any more{}.",
+                            session.id, session.device, session.map_name, erased.num_frames, erased.num_points,
+                            erased.num_points_kept,
+                            erased.dropped_tags.empty()
+                                ? std::string()
+                                : fmt::format("; tags that go with it: {}", fmt::join(erased.dropped_tags, ", "))),
+        .doing = "erasing a session",
+        .not_done = "nothing was erased",
+        .yes = options.yes,
+        .interactive = options.interactive};
+    MAPP_RETURN_IF_ERROR(Confirm(question, in, out));
+    MAPP_ASSIGN_OR_RETURN(erased, client.EraseSession(options.id, options.force, /*dry_run=*/false));
+  }
+  if (options.json) {
+    JsonWriter json;
+    json.BeginObject().Field("id", session.id).Field("dry_run", options.dry_run);
+    json.Field("map_revision", erased.map_revision).Field("num_frames", erased.num_frames);
+    json.Field("num_points", erased.num_points).Field("num_points_kept", erased.num_points_kept);
+    json.Key("dropped_tags").BeginArray();
+    for (const std::string& tag : erased.dropped_tags) json.String(tag);
+    json.EndArray().EndObject();
+    out << std::move(json).Finish();
+    return absl::OkStatus();
+  }
+  out << fmt::format("{} session {}: {} keyframes and {} points; {} of its points that others observe {}\n",
+                     options.dry_run ? "would erase" : "erased", session.id, erased.num_frames, erased.num_points,
+                     erased.num_points_kept, options.dry_run ? "would stay" : "stay");
+  if (!options.dry_run) out << "backups and bundles made before still hold it\n";
   return absl::OkStatus();
 }
 

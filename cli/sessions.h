@@ -24,6 +24,32 @@ struct SessionsShowOptions {
 /// `mapp sessions show`. NOT_FOUND: no such session.
 Status RunSessionsShow(const SessionsShowOptions& options, std::ostream& out);
 
+struct SessionsRevertOptions {
+  std::string server;
+  uint32_t id = 0;
+  std::string reason;
+  bool dry_run = false;
+  bool yes = false;          ///< do not ask
+  bool interactive = false;  ///< a person can answer on `in`
+  bool json = false;
+};
+/// `mapp sessions revert`: takes a session's contribution out of its map; release brings it back. Errors as
+/// RunSessionsRelease, but FAILED_PRECONDITION: it is quarantined, and nothing of it is in the map.
+Status RunSessionsRevert(const SessionsRevertOptions& options, std::istream& in, std::ostream& out);
+
+struct SessionsEraseOptions {
+  std::string server;
+  uint32_t id = 0;
+  bool force = false;  ///< also when it is open
+  bool dry_run = false;
+  bool yes = false;          ///< do not ask
+  bool interactive = false;  ///< a person can answer on `in`
+  bool json = false;
+};
+/// `mapp sessions erase`: forgets a session for good. Errors as RunSessionsRelease, but FAILED_PRECONDITION: it is
+/// open.
+Status RunSessionsErase(const SessionsEraseOptions& options, std::istream& in, std::ostream& out);
+
 struct SessionsReleaseOptions {
   std::string server;
   uint32_t id = 0;

@@ -117,6 +117,23 @@ Status CheckCause(RevisionCause cause) {
   return absl::InvalidArgumentError("cause: must be a known one");
 }
 
+Status StillHoldsFrames(SessionId session) {
+  return absl::FailedPreconditionError(fmt::format("session {} has frames in the map", session.value()));
+}
+
+Status StillHoldsPoints(SessionId session) {
+  return absl::FailedPreconditionError(fmt::format("session {} has live points", session.value()));
+}
+
+Status StillFounds(SessionId session) {
+  return absl::FailedPreconditionError(fmt::format("session {} is its map's founder", session.value()));
+}
+
+Status StillHasHistory(const MapRecord& map) {
+  return absl::FailedPreconditionError(
+      fmt::format("map \"{}\" can still be read as of revision {}", map.name, map.oldest_revision.value()));
+}
+
 Status CheckTagName(const std::string& name) {
   const bool is_number = std::all_of(name.begin(), name.end(), [](char c) { return c >= '0' && c <= '9'; });
   if (!is_number) return absl::OkStatus();  // the empty one is

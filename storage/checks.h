@@ -38,6 +38,11 @@ Status CheckPointsMap(const PointRecord& point, MapId map_of_session, MapId map)
 Status CheckFusion(MapId map_of_retired, MapId map_of_successor);
 Status CheckFusesIntoAnother(MapPointId retired, std::optional<MapPointId> fused_into);
 Status CheckCause(RevisionCause cause);
+/// Why a session cannot be erased yet.
+Status StillHoldsFrames(SessionId session);
+Status StillHoldsPoints(SessionId session);
+Status StillFounds(SessionId session);
+Status StillHasHistory(const MapRecord& map);
 Status CheckTagName(const std::string& name);
 /// OUT_OF_RANGE when the map has not, or no longer, the state of `revision`.
 Status CheckRevision(const MapRecord& map, Revision revision);

@@ -75,7 +75,7 @@ class MapWriter : public MapReader {
   virtual StatusOr<MapId> CreateMap(const MapRecord& map) = 0;
   /// Deletes the map with its sessions, log, frames, points and tiles.
   virtual Status DeleteMap(MapId map) = 0;
-  virtual Status SetFounder(MapId map, SessionId founder) = 0;
+  virtual Status SetFounder(MapId map, std::optional<SessionId> founder) = 0;
   /// MapRecord::has_metric_scale.
   virtual Status SetMetricScale(MapId map, bool has_metric_scale) = 0;
   virtual StatusOr<CameraId> InsertCamera(const Camera& camera) = 0;
@@ -101,6 +101,16 @@ class MapWriter : public MapReader {
   virtual StatusOr<int64_t> DropHistory(MapId map, Revision oldest, int64_t max_rows) = 0;
   /// Gives up to `max_bytes` of the engine's unused space back to the system; returns how much is left to give.
   virtual StatusOr<int64_t> GiveBackSpace(int64_t max_bytes) = 0;
+
+  /// Makes a live point another session's, as if that had founded it: its number for it is `session_point`. In place,
+  /// no history. INVALID_ARGUMENT: the session is of another map.
+  virtual Status AdoptPoint(MapPointId point, SessionId session, uint64_t session_point,
+                            const OrbDescriptor& descriptor) = 0;
+  /// Removes all that is known of a session: its record, what its device sent and what was made of that, with the
+  /// encoded tiles and the place blocks of its map, which are derived and may show it. Rewrite() then removes what is
+  /// left in the engine's files. FAILED_PRECONDITION: a frame of it stands in the map, a live point is its own, it is
+  /// the founder, or the map can be read as it was before this change (DropHistory).
+  virtual Status EraseSession(SessionId session) = 0;
 
   /// Appends the packet to the keyframe log and the frame to the map, with `observations`. Id and `created` are set by
   /// the store. ALREADY_EXISTS when (session, number) is stored.
@@ -149,6 +159,11 @@ class MapStore {
   /// A change that has begun is never abandoned.
   virtual Status Write(const CallContext& context, std::function<Status(MapWriter&)> change,
                        std::function<void()> on_commit = {}) = 0;
+
+  /// Writes all anew, so that nothing of what was deleted is left in the engine's files, nor unused space; changes wait
+  /// meanwhile. UNAVAILABLE: readers of an older state kept some of it; it goes when the store closes.
+  /// RESOURCE_EXHAUSTED on a full disk: then nothing has changed.
+  virtual Status Rewrite(const CallContext& context) = 0;
 
   /// Finishes queued writes, checkpoints and closes; later calls give UNAVAILABLE. Idempotent.
   virtual Status Close() = 0;

@@ -46,6 +46,10 @@ class AdminServiceHandler final : public v1::AdminService::Service {
                          v1::DeleteMapResponse* response) override;
   grpc::Status ListSessions(grpc::ServerContext* context, const v1::ListSessionsRequest* request,
                             v1::ListSessionsResponse* response) override;
+  grpc::Status RevertSession(grpc::ServerContext* context, const v1::RevertSessionRequest* request,
+                             v1::RevertSessionResponse* response) override;
+  grpc::Status EraseSession(grpc::ServerContext* context, const v1::EraseSessionRequest* request,
+                            v1::EraseSessionResponse* response) override;
   grpc::Status ReleaseSession(grpc::ServerContext* context, const v1::ReleaseSessionRequest* request,
                               v1::ReleaseSessionResponse* response) override;
   grpc::Status ExportMap(grpc::ServerContext* context, const v1::ExportMapRequest* request,

@@ -65,6 +65,26 @@ std::optional<double> MedianDepth(const Keyframe& keyframe) {
   return Median(std::move(depths));
 }
 
+/// Whether the map's frame is that of a session of which nothing is left, nor of any other.
+StatusOr<bool> IsLeftEmpty(MapReader& reader, const MapRecord& map) {
+  if (map.num_frames > 0) return false;
+  MAPP_ASSIGN_OR_RETURN(const SessionRecord founder, reader.GetSession(*map.founder));
+  return founder.IsQuarantined();
+}
+
+/// Sessions whose place was told in the frame that the map has had are fragments again.
+Status Unalign(MapWriter& writer, MapId map) {
+  MAPP_ASSIGN_OR_RETURN(const std::vector<SessionRecord> sessions, writer.ListSessions(map));
+  for (SessionRecord session : sessions) {
+    if (!session.T_map_session) continue;
+    session.T_map_session.reset();
+    session.scale_map_session = 1;
+    session.aligned_at_keyframe.reset();
+    MAPP_RETURN_IF_ERROR(writer.UpdateSession(session));
+  }
+  return writer.SetMetricScale(map, true);
+}
+
 /// The session's first keyframe makes its frame the map's, if nobody's has.
 Status FoundMapIfFirst(MapWriter& writer, const Keyframe& keyframe, const EvidenceOptions& evidence,
                        SessionRecord& session) {
@@ -72,7 +92,11 @@ Status FoundMapIfFirst(MapWriter& writer, const Keyframe& keyframe, const Eviden
   // Everybody after it would be measured by it.
   if (IsFalse(JudgeDepths(keyframe, session.sensor, evidence).finding)) return absl::OkStatus();
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(session.map));
-  if (map.founder) return absl::OkStatus();
+  if (map.founder) {
+    MAPP_ASSIGN_OR_RETURN(const bool is_left_empty, IsLeftEmpty(writer, map));
+    if (!is_left_empty) return absl::OkStatus();
+    MAPP_RETURN_IF_ERROR(Unalign(writer, map.id));
+  }
   if (!MeasuresDepth(session.sensor)) {
     const std::optional<double> depth = MedianDepth(keyframe);
     if (!depth) return absl::OkStatus();
@@ -277,6 +301,11 @@ Status Integrator::IntegrateLogged(const CallContext& context, FrameId frame) {
     MAPP_ASSIGN_OR_RETURN(packet, reader->GetPacket(frame));
     upload.keyframe = std::move(view.keyframe);  // in the map's unit already
     MAPP_ASSIGN_OR_RETURN(upload.view, LoadSession(*reader, upload.keyframe.session));
+    // It may have been corrected while it stood in the map.
+    const Pose3& T_session_camera = view.record.T_frame_camera;
+    upload.keyframe.pose_frame = PoseFrame::kSession;
+    upload.keyframe.T_frame_camera =
+        Pose3(T_session_camera.rotation(), upload.view.session.scale_map_session * T_session_camera.translation());
     MAPP_ASSIGN_OR_RETURN(upload.known_points, FindKnownPoints(*reader, upload.keyframe));
   }
   MAPP_ASSIGN_OR_RETURN(upload.associations, Associate(upload));
@@ -286,6 +315,7 @@ Status Integrator::IntegrateLogged(const CallContext& context, FrameId frame) {
     MAPP_ASSIGN_OR_RETURN(const SessionRecord session, writer.GetSession(upload.keyframe.session));
     const Keyframe keyframe = InUnitOf(session, upload);
     MAPP_ASSIGN_OR_RETURN(const Pose3 T_map_camera, PoseToStore(session, keyframe));
+    MAPP_RETURN_IF_ERROR(writer.SetCause(session.map, RevisionCause::kReturn, session.id));
     MAPP_ASSIGN_OR_RETURN(WrittenKeyframe written, WriteKeyframe(writer, {keyframe,
                                                                           upload.packet,
                                                                           upload.view.camera,

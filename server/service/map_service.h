@@ -70,6 +70,17 @@ class MapService {
   /// Lifts a session's quarantine for good: what was left out of the map enters it, and an open session goes on.
   /// NOT_FOUND; FAILED_PRECONDITION: it is not quarantined.
   StatusOr<ReleasedSession> ReleaseSession(const CallContext& context, SessionId session);
+  /// Takes the whole contribution of a session out of the map, which then takes nothing more of it: its frames, the
+  /// points that no other session observes, its observations. Closed sessions that shared points with it are optimized
+  /// again in the background. ReleaseSession undoes it. With `dry_run` nothing is changed. NOT_FOUND;
+  /// FAILED_PRECONDITION: it is quarantined, and nothing of it is in the map.
+  StatusOr<RevertedSession> RevertSession(const CallContext& context, SessionId session, const std::string& reason,
+                                          bool dry_run);
+  /// Forgets a session for good: RevertSession, and then all that it has sent and that is known of it is removed, from
+  /// the store's files, too. Points that others observe stay, with a descriptor of theirs. The map's past cannot be
+  /// read any more. Stopped in between, it is taken up by calling it again. NOT_FOUND. FAILED_PRECONDITION: it is open,
+  /// and `force` is not set. UNAVAILABLE: it is gone from the map, but readers hold the store's log.
+  StatusOr<ErasedSession> EraseSession(const CallContext& context, SessionId session, bool force, bool dry_run);
   /// From one snapshot: the map's frames once, then points tile by tile.
   Status ExportMap(const CallContext& context, const std::string& name, const std::string& at,
                    const std::function<Status(const MapRecord&, const std::vector<FrameRecord>&)>& on_frames,

@@ -44,22 +44,6 @@ StatusOr<MapRecord> MapService::DeleteMap(const CallContext& context, const std:
   return map;
 }
 
-StatusOr<std::vector<SessionRecord>> MapService::ListSessions(const CallContext& context, const std::string& map_name) {
-  MAPP_RETURN_IF_ERROR(context.Check());
-  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
-  if (map_name.empty()) return reader->ListSessions(std::nullopt);
-  MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader->FindMap(map_name));
-  return reader->ListSessions(map.id);
-}
-
-StatusOr<ReleasedSession> MapService::ReleaseSession(const CallContext& context, SessionId session) {
-  ReleasedSession released;
-  MAPP_ASSIGN_OR_RETURN(released.session, impl_->guard.Release(context, session));
-  MAPP_ASSIGN_OR_RETURN(released.num_frames_taken_in, impl_->integrator.IntegrateLeftOut(context, session));
-  if (!released.session.T_map_session) impl_->registrar.OnSessionReleased(released.session.map, session);
-  return released;
-}
-
 Status MapService::ExportMap(const CallContext& context, const std::string& name, const std::string& at,
                              const std::function<Status(const MapRecord&, const std::vector<FrameRecord>&)>& on_frames,
                              const std::function<Status(const std::vector<PointRecord>&)>& on_points) {

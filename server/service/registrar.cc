@@ -17,6 +17,7 @@
 
 #include <algorithm>
 #include <atomic>
+#include <future>
 #include <numbers>
 #include <set>
 #include <unordered_map>
@@ -36,12 +37,13 @@ constexpr size_t kMaxRecalled = 2;
 constexpr size_t kNeighborsAsked = 2;
 
 struct Task {
-  enum class Kind { kFrame, kCheckedFrame, kClosed, kMapGone, kQuarantined, kReleased };
+  enum class Kind { kFrame, kCheckedFrame, kClosed, kMapGone, kQuarantined, kReleased, kAlone };
   Kind kind = Kind::kFrame;
   MapId map;
   SessionId session;
-  FrameId frame;                 ///< of the first two kinds
-  std::vector<FrameId> retired;  ///< of kQuarantined
+  FrameId frame;                                                 ///< of the first two kinds
+  std::vector<FrameId> retired;                                  ///< of kQuarantined
+  std::shared_ptr<std::packaged_task<Status()>> work = nullptr;  ///< of kAlone
 };
 
 /// Doubtful keyframes of one session that differ by less than both of these are one view.
@@ -370,6 +372,10 @@ void Registrar::Impl::Run(const Task& task) {
     case Task::Kind::kQuarantined:
       ForgetQuarantined(task);
       return;
+    case Task::Kind::kAlone:
+      maps.erase(task.map);
+      (*task.work)();
+      return;
     case Task::Kind::kReleased:
       status = TakeUpReleased(task);
       break;
@@ -409,6 +415,20 @@ void Registrar::OnSessionQuarantined(MapId map, SessionId session, const std::ve
 
 void Registrar::OnSessionReleased(MapId map, SessionId session) {
   impl_->worker.Push({.kind = Task::Kind::kReleased, .map = map, .session = session, .frame = {}, .retired = {}});
+}
+
+Status Registrar::RunAlone(MapId map, const std::function<Status()>& work) {
+  auto task = std::make_shared<std::packaged_task<Status()>>(work);
+  std::future<Status> done = task->get_future();
+  const Status busy = absl::UnavailableError("the registrar is busy or stopping: try again");
+  Task alone{
+      .kind = Task::Kind::kAlone, .map = map, .session = {}, .frame = {}, .retired = {}, .work = std::move(task)};
+  if (!impl_->worker.Push(std::move(alone))) return busy;
+  try {
+    return done.get();
+  } catch (const std::future_error&) {
+    return busy;  // dropped with the queue, which the task alone still held
+  }
 }
 
 void Registrar::Shutdown() {

@@ -78,6 +78,9 @@ class Registrar {
   void OnSessionQuarantined(MapId map, SessionId session, const std::vector<FrameId>& retired);
   /// Takes up the fragment of a session that was released.
   void OnSessionReleased(MapId map, SessionId session);
+  /// Runs `work` between the looks at two keyframes, so that nothing is known meanwhile of a map but what its database
+  /// says, and waits for it. UNAVAILABLE: too much waits, or the registrar has been shut down.
+  Status RunAlone(MapId map, const std::function<Status()>& work);
   /// Forgets the map's index.
   void OnMapDeleted(MapId map);
   /// Ends the thread after the work in hand; what still waits is taken up again after the next start. Idempotent.

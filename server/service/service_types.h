@@ -70,6 +70,22 @@ struct SessionPoses {
   std::vector<FrameRecord> frames;  ///< in the map, by number
   Revision map_revision;
 };
+/// What a reversion has changed, or would.
+struct RevertedSession {
+  SessionId session;
+  Revision map_revision;  ///< 0: nothing of it was in the map
+  size_t num_frames = 0;
+  size_t num_points = 0;  ///< that nobody else observes
+  size_t num_sessions_to_optimize = 0;
+};
+/// What forgetting a session has taken, or would take.
+struct ErasedSession {
+  Revision map_revision;  ///< the map's oldest one now
+  size_t num_frames = 0;  ///< of the keyframe log
+  size_t num_points = 0;
+  size_t num_points_kept = 0;             ///< of its points, those that others observe
+  std::vector<std::string> dropped_tags;  ///< of earlier revisions
+};
 struct ReleasedSession {
   SessionRecord session;
   size_t num_frames_taken_in = 0;  ///< frames that had been left out of the map

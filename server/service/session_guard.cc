@@ -9,6 +9,7 @@
 #include <fmt/chrono.h>
 #include <fmt/format.h>
 
+#include <set>
 #include <utility>
 
 namespace mapp {
@@ -16,6 +17,42 @@ namespace {
 
 std::string FormatTime(int64_t unix_ns) {
   return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(unix_ns / 1'000'000'000)));
+}
+
+/// The closed ones owe their optimization again.
+StatusOr<std::vector<SessionId>> OweOptimization(MapWriter& writer, const std::set<SessionId>& sessions) {
+  std::vector<SessionId> closed;
+  for (const SessionId id : sessions) {
+    MAPP_ASSIGN_OR_RETURN(SessionRecord session, writer.GetSession(id));
+    if (!session.closed_ns) continue;
+    session.optimized.reset();
+    MAPP_RETURN_IF_ERROR(writer.UpdateSession(session));
+    closed.push_back(id);
+  }
+  return closed;
+}
+
+/// Within a transaction.
+StatusOr<QuarantinedSession> RevertSession(MapWriter& writer, SessionId session, const std::string& reason) {
+  MAPP_ASSIGN_OR_RETURN(SessionRecord record, writer.GetSession(session));
+  MAPP_ASSIGN_OR_RETURN(Retirement retired, RetireFrames(writer, record, 0, RevisionCause::kReversion));
+  if (retired.frames.empty() && record.IsQuarantined()) {
+    return absl::FailedPreconditionError(fmt::format("session {} is quarantined, and nothing of it is in the map: {}",
+                                                     session.value(), record.quarantine->reason));
+  }
+  record.quarantine = Quarantine{.since_ns = UnixNowNs(), .reason = reason, .released_ns = std::nullopt};
+  record.optimized.reset();
+  MAPP_RETURN_IF_ERROR(writer.UpdateSession(record));
+  MAPP_ASSIGN_OR_RETURN(std::vector<SessionId> neighbors, OweOptimization(writer, retired.neighbors));
+  return QuarantinedSession{.session = session,
+                            .map = record.map,
+                            .revision = retired.revision,
+                            .device = record.device,
+                            .ruling = {.finding = Finding::kSilent, .reason = reason},
+                            .retired_frames = std::move(retired.frames),
+                            .num_retired_points = retired.num_points,
+                            .touched_tiles = std::move(retired.touched_tiles),
+                            .neighbors = std::move(neighbors)};
 }
 
 }  // namespace
@@ -43,7 +80,7 @@ StatusOr<std::optional<QuarantinedSession>> SessionGuard::Note(MapWriter& writer
   // A founder's frames needed nobody to vouch for them: the map began with them.
   MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(session.map));
   const uint32_t first = map.founder == session.id ? ruling->first_contradiction : ruling->first_suspect;
-  MAPP_ASSIGN_OR_RETURN(Retirement retired, RetireFrames(writer, record, first));
+  MAPP_ASSIGN_OR_RETURN(Retirement retired, RetireFrames(writer, record, first, RevisionCause::kRetirement));
   return QuarantinedSession{.session = session.id,
                             .map = session.map,
                             .revision = retired.revision,
@@ -51,7 +88,22 @@ StatusOr<std::optional<QuarantinedSession>> SessionGuard::Note(MapWriter& writer
                             .ruling = *std::move(ruling),
                             .retired_frames = std::move(retired.frames),
                             .num_retired_points = retired.num_points,
-                            .touched_tiles = std::move(retired.touched_tiles)};
+                            .touched_tiles = std::move(retired.touched_tiles),
+                            .neighbors = {}};
+}
+
+StatusOr<QuarantinedSession> SessionGuard::Revert(const CallContext& context, SessionId session,
+                                                  const std::string& reason, bool dry_run) {
+  QuarantinedSession reverted;
+  bool is_dry = false;
+  const auto revert = [&](MapWriter& writer) -> Status {
+    MAPP_ASSIGN_OR_RETURN(reverted, RevertSession(writer, session, reason));
+    is_dry = dry_run;
+    return dry_run ? absl::AbortedError("dry run") : absl::OkStatus();
+  };
+  const Status status = store_.Write(context, revert, [&] { Announce(reverted); });
+  if (!is_dry) MAPP_RETURN_IF_ERROR(status);
+  return reverted;
 }
 
 void SessionGuard::Announce(const QuarantinedSession& quarantined) {

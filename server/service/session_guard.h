@@ -31,6 +31,8 @@ struct QuarantinedSession {
   std::vector<FrameId> retired_frames;
   size_t num_retired_points = 0;
   std::vector<TileKey> touched_tiles;
+  /// Closed sessions that a reversion leaves without points they shared with it: their optimization is owed again.
+  std::vector<SessionId> neighbors;
 };
 
 struct GuardOptions {
@@ -58,6 +60,12 @@ class SessionGuard {
 
   /// The same in a transaction of its own, for a keyframe that was looked at after it was stored.
   Status NoteLate(const SessionRecord& session, uint32_t keyframe, const KeyframeEvidence& evidence);
+
+  /// An operator's word that all of the session is wrong: it is quarantined for `reason`, and every frame of it
+  /// retired. With `dry_run` nothing is changed, and the result is what would be. NOT_FOUND; FAILED_PRECONDITION: it is
+  /// quarantined, and nothing of it is in the map.
+  StatusOr<QuarantinedSession> Revert(const CallContext& context, SessionId session, const std::string& reason,
+                                      bool dry_run);
 
   /// An operator's word that the session is right; its record afterwards. NOT_FOUND; FAILED_PRECONDITION when it is not
   /// quarantined.

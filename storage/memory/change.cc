@@ -83,14 +83,18 @@ Status Change::DeleteMap(MapId map) {
   }
   contents_.maps.Erase(map);
   drafts_.erase(map);
-  contents_.maps.ForEach([&](MapId, const MapStatePtr& other) {
-    for (const CameraId camera : CamerasOf(*other)) unused.erase(camera);
-  });
-  for (const CameraId camera : unused) contents_.cameras.Erase(camera);
+  EraseCamerasIfUnused(std::move(unused));
   return absl::OkStatus();
 }
 
-Status Change::SetFounder(MapId map, SessionId founder) {
+void Change::EraseCamerasIfUnused(std::set<CameraId> cameras) {
+  contents_.maps.ForEach([&](MapId, const MapStatePtr& map) {
+    for (const CameraId camera : CamerasOf(*map)) cameras.erase(camera);
+  });
+  for (const CameraId camera : cameras) contents_.cameras.Erase(camera);
+}
+
+Status Change::SetFounder(MapId map, std::optional<SessionId> founder) {
   if (contents_.FindMap(map) == nullptr) return internal::NoSuchMap(map);
   Edit(map).state->record.founder = founder;
   return absl::OkStatus();

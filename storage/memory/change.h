@@ -6,6 +6,7 @@
 #include <map>
 #include <memory>
 #include <optional>
+#include <set>
 #include <span>
 #include <string>
 
@@ -22,7 +23,7 @@ class Change final : public Reads<MapWriter> {
 
   StatusOr<MapId> CreateMap(const MapRecord& map) override;
   Status DeleteMap(MapId map) override;
-  Status SetFounder(MapId map, SessionId founder) override;
+  Status SetFounder(MapId map, std::optional<SessionId> founder) override;
   Status SetMetricScale(MapId map, bool has_metric_scale) override;
   StatusOr<CameraId> InsertCamera(const Camera& camera) override;
   StatusOr<SessionId> InsertSession(const SessionRecord& session) override;
@@ -45,6 +46,9 @@ class Change final : public Reads<MapWriter> {
   Status UpdatePoint(const PointRecord& point) override;
   Status TouchPoint(const PointRecord& point) override;
   Status RetirePoint(MapPointId point, std::optional<MapPointId> fused_into) override;
+  Status AdoptPoint(MapPointId point, SessionId session, uint64_t session_point,
+                    const OrbDescriptor& descriptor) override;
+  Status EraseSession(SessionId session) override;
   Status PutTileBlob(MapId map, const TileKey& tile, const TileBlob& blob) override;
   Status AppendPlaceBlock(MapId map, const std::string& block) override;
 
@@ -57,6 +61,7 @@ class Change final : public Reads<MapWriter> {
     std::optional<SessionId> session;
   };
 
+  void EraseCamerasIfUnused(std::set<CameraId> cameras);
   /// For a map that exists. References stay.
   Draft& Edit(MapId map);
   /// The same, with a revision of this change.

@@ -74,6 +74,12 @@ class MemoryMapStore final : public MapStore {
     return absl::OkStatus();
   }
 
+  /// What was deleted is gone from memory.
+  Status Rewrite(const CallContext& context) override {
+    if (turnstile_.is_closed()) return internal::StoreIsClosed();
+    return context.Check();
+  }
+
   Status Close() override {
     CloseDatabase();
     return absl::OkStatus();

@@ -47,19 +47,14 @@ constexpr const char* kDeleteMapStatements[] = {
 Status DeleteSessions(Connection& db, MapId map) {
   Statement query = db.Prepare("SELECT DISTINCT camera_id FROM sessions WHERE map_id = ?");
   query.Bind(map);
-  std::vector<int64_t> cameras;
+  std::vector<CameraId> cameras;
   for (;;) {
     MAPP_ASSIGN_OR_RETURN(const bool has_row, query.Step());
     if (!has_row) break;
-    cameras.push_back(query.Int64(0));
+    cameras.push_back(query.GetId<CameraId>(0));
   }
   MAPP_RETURN_IF_ERROR(db.Prepare("DELETE FROM sessions WHERE map_id = ?").Bind(map).Run());
-  for (const int64_t camera : cameras) {
-    MAPP_RETURN_IF_ERROR(db.Prepare("DELETE FROM cameras WHERE camera_id = ?1 AND NOT EXISTS "
-                                    "(SELECT 1 FROM sessions WHERE camera_id = ?1)")
-                             .Bind(camera)
-                             .Run());
-  }
+  for (const CameraId camera : cameras) MAPP_RETURN_IF_ERROR(DeleteCameraIfUnused(db, camera));
   return absl::OkStatus();
 }
 
@@ -130,7 +125,7 @@ Status DeleteMap(Connection& db, ChangeLedger& ledger, MapId map) {
   return db.Prepare("DELETE FROM maps WHERE map_id = ?").Bind(map).Run();
 }
 
-Status SetFounder(Connection& db, ChangeLedger& ledger, MapId map, SessionId founder) {
+Status SetFounder(Connection& db, ChangeLedger& ledger, MapId map, std::optional<SessionId> founder) {
   MAPP_RETURN_IF_ERROR(ledger.ReviseMap(map));
   Statement update = db.Prepare("UPDATE maps SET founder_session_id = ? WHERE map_id = ? RETURNING 1");
   return RunOnOneRow(update.Bind(founder, map), internal::NoSuchMap(map));
@@ -140,6 +135,13 @@ Status SetMetricScale(Connection& db, ChangeLedger& ledger, MapId map, bool has_
   MAPP_RETURN_IF_ERROR(ledger.ReviseMap(map));
   Statement update = db.Prepare("UPDATE maps SET has_metric_scale = ? WHERE map_id = ? RETURNING 1");
   return RunOnOneRow(update.Bind(has_metric_scale, map), internal::NoSuchMap(map));
+}
+
+Status DeleteCameraIfUnused(Connection& db, CameraId camera) {
+  return db
+      .Prepare("DELETE FROM cameras WHERE camera_id = ?1 AND NOT EXISTS (SELECT 1 FROM sessions WHERE camera_id = ?1)")
+      .Bind(camera)
+      .Run();
 }
 
 StatusOr<CameraId> InsertCamera(Connection& db, const Camera& camera) {

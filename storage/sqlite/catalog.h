@@ -22,8 +22,9 @@ StatusOr<CameraRecord> GetCamera(Connection& db, CameraId camera);
 
 StatusOr<MapId> CreateMap(Connection& db, ChangeLedger& ledger, const MapRecord& map);
 Status DeleteMap(Connection& db, ChangeLedger& ledger, MapId map);
-Status SetFounder(Connection& db, ChangeLedger& ledger, MapId map, SessionId founder);
+Status SetFounder(Connection& db, ChangeLedger& ledger, MapId map, std::optional<SessionId> founder);
 Status SetMetricScale(Connection& db, ChangeLedger& ledger, MapId map, bool has_metric_scale);
+Status DeleteCameraIfUnused(Connection& db, CameraId camera);
 StatusOr<CameraId> InsertCamera(Connection& db, const Camera& camera);
 StatusOr<SessionId> InsertSession(Connection& db, ChangeLedger& ledger, const SessionRecord& session);
 Status UpdateSession(Connection& db, ChangeLedger& ledger, const SessionRecord& session);

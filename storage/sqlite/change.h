@@ -26,7 +26,9 @@ class Change final : public MapReads<MapWriter> {
 
   StatusOr<MapId> CreateMap(const MapRecord& map) override { return sqlite::CreateMap(db_, ledger_, map); }
   Status DeleteMap(MapId map) override { return sqlite::DeleteMap(db_, ledger_, map); }
-  Status SetFounder(MapId map, SessionId founder) override { return sqlite::SetFounder(db_, ledger_, map, founder); }
+  Status SetFounder(MapId map, std::optional<SessionId> founder) override {
+    return sqlite::SetFounder(db_, ledger_, map, founder);
+  }
   Status SetMetricScale(MapId map, bool has_metric_scale) override {
     return sqlite::SetMetricScale(db_, ledger_, map, has_metric_scale);
   }
@@ -67,6 +69,11 @@ class Change final : public MapReads<MapWriter> {
   Status RetirePoint(MapPointId point, std::optional<MapPointId> fused_into) override {
     return sqlite::RetirePoint(db_, ledger_, point, fused_into);
   }
+  Status AdoptPoint(MapPointId point, SessionId session, uint64_t session_point,
+                    const OrbDescriptor& descriptor) override {
+    return sqlite::AdoptPoint(db_, ledger_, point, session, session_point, descriptor);
+  }
+  Status EraseSession(SessionId session) override { return sqlite::EraseSession(db_, ledger_, session); }
   Status PutTileBlob(MapId map, const TileKey& tile, const TileBlob& blob) override {
     return sqlite::PutTileBlob(db_, ledger_, map, tile, blob);
   }

@@ -159,6 +159,14 @@ void ChangeLedger::Forget(MapId map) {
   std::erase_if(tiles_, [map](const auto& entry) { return entry.second.map == map; });
 }
 
+void ChangeLedger::Forget(SessionId session) {
+  revised_sessions_.erase(session);
+  sessions_.erase(session);
+  for (auto& [map, entry] : maps_) {
+    if (entry.session == session) entry.session.reset();
+  }
+}
+
 Status ChangeLedger::FlushTiles() {
   for (auto& [tile_id, tile] : tiles_) {
     if (!tile.changed) continue;

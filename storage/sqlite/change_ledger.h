@@ -49,6 +49,7 @@ class ChangeLedger {
 
   /// Forgets what it owes to a map that has been deleted.
   void Forget(MapId map);
+  void Forget(SessionId session);
   /// Writes what has come together so far, so that reads see it.
   Status Flush();
   /// Flushes and enters the revisions. Once, at the end of the change.

@@ -3,6 +3,7 @@
 #include "storage/map_store.h"
 #include "storage/sqlite/catalog.h"
 #include "storage/sqlite/compaction.h"
+#include "storage/sqlite/erasure.h"
 #include "storage/sqlite/frames.h"
 #include "storage/sqlite/place_blocks.h"
 #include "storage/sqlite/points.h"

@@ -1,6 +1,7 @@
 #include "storage/sqlite/sqlite_map_store.h"
 
 #include "storage/sqlite/database_file.h"
+#include "storage/sqlite/erasure.h"
 #include "storage/sqlite/read_pool.h"
 #include "storage/sqlite/writer_thread.h"
 
@@ -28,6 +29,11 @@ class SqliteMapStore final : public MapStore {
                std::function<void()> on_commit) override {
     if (writer_ == nullptr) return absl::FailedPreconditionError("map database is open for reading only");
     return writer_->Write(context, std::move(change), std::move(on_commit));
+  }
+
+  Status Rewrite(const CallContext& context) override {
+    if (writer_ == nullptr) return absl::FailedPreconditionError("map database is open for reading only");
+    return writer_->RunAlone(context, [](Connection& db) { return sqlite::Rewrite(db); });
   }
 
   Status Close() override {

@@ -28,7 +28,18 @@ WriterThread::~WriterThread() {
 
 Status WriterThread::Write(const CallContext& context, std::function<Status(MapWriter&)> change,
                            std::function<void()> on_commit) {
-  Request request{.context = context, .change = change, .on_commit = on_commit, .status = {}};
+  Request request{
+      .context = context, .change = std::move(change), .on_commit = std::move(on_commit), .alone = {}, .status = {}};
+  return Await(request);
+}
+
+Status WriterThread::RunAlone(const CallContext& context, std::function<Status(Connection&)> work) {
+  Request request{.context = context, .change = {}, .on_commit = {}, .alone = std::move(work), .status = {}};
+  return Await(request);
+}
+
+Status WriterThread::Await(Request& request) {
+  const CallContext& context = request.context;
   MutexLock lock(mutex_);
   if (stopping_) return internal::StoreIsClosed();
   queue_.push_back(&request);
@@ -59,6 +70,12 @@ Status WriterThread::Stop() {
 void WriterThread::Run() {
   while (Request* first = WaitForRequest()) {
     std::vector<Request*> batch;
+    if (first->alone) {
+      batch.push_back(first);
+      first->status = first->alone(*db_);
+      Conclude(batch, absl::OkStatus());
+      continue;
+    }
     const Status committed = RunBatch(first, &batch);
     Conclude(batch, committed);
   }
@@ -71,9 +88,10 @@ WriterThread::Request* WriterThread::WaitForRequest() {
   return PopQueue();
 }
 
-/// Null when none waits.
+/// Null when none waits, or the next one is not for a batch.
 WriterThread::Request* WriterThread::TakeRequest() {
   MutexLock lock(mutex_);
+  if (!queue_.empty() && queue_.front()->alone) return nullptr;
   return PopQueue();
 }
 

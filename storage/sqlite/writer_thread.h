@@ -26,6 +26,8 @@ class WriterThread {
 
   /// As MapStore::Write. Not to be called from a change or an on_commit.
   Status Write(const CallContext& context, std::function<Status(MapWriter&)> change, std::function<void()> on_commit);
+  /// Runs `work` between two batches, outside of a transaction.
+  Status RunAlone(const CallContext& context, std::function<Status(Connection&)> work);
   /// Finishes what is queued, empties the write-ahead log into the file, closes the connection and gives up the lock.
   /// Idempotent.
   Status Stop();
@@ -35,12 +37,15 @@ class WriterThread {
   /// Lives on the stack of the thread that waits in Write.
   struct Request {
     const CallContext& context;
-    const std::function<Status(MapWriter&)>& change;
-    const std::function<void()>& on_commit;
-    Status status;                 ///< the writer thread's until kDone
-    State state = State::kQueued;  ///< protected by mutex_
+    const std::function<Status(MapWriter&)> change;
+    const std::function<void()> on_commit;
+    const std::function<Status(Connection&)> alone;  ///< if not empty, instead of a change
+    Status status;                                   ///< the writer thread's until kDone
+    State state = State::kQueued;                    ///< protected by mutex_
   };
 
+  /// Queues the request and waits for its end.
+  Status Await(Request& request);
   void Run();
   Request* WaitForRequest() ABSL_LOCKS_EXCLUDED(mutex_);
   Request* TakeRequest() ABSL_LOCKS_EXCLUDED(mutex_);
