@@ -193,7 +193,7 @@ Status RunSessionsErase(const SessionsEraseOptions& options, std::istream& in, s
     json.Field("map_revision", erased.map_revision).Field("num_frames", erased.num_frames);
     json.Field("num_points", erased.num_points).Field("num_points_kept", erased.num_points_kept);
     json.Key("dropped_tags").BeginArray();
-    for (const std::string& tag : erased.dropped_tags) json.String(tag);
+    for (const std::string& tag : erased.dropped_tags) json.Value(tag);
     json.EndArray().EndObject();
     out << std::move(json).Finish();
     return absl::OkStatus();

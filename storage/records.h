@@ -130,10 +130,11 @@ enum class RevisionCause : uint8_t {
   kOptimization = 4,
   kFusion = 5,  ///< points that turned out to be one
   kRescaling = 6,
-  kRetirement = 7,  ///< of what a quarantined session had brought
-  kReversion = 8,   ///< a session's whole contribution was taken out on command
-  kReturn = 9,      ///< what had been taken out or left out of a session has entered the map
-  kErasure = 10,    ///< a session was forgotten
+  kRetirement = 7,   ///< of what a quarantined session had brought
+  kReversion = 8,    ///< a session's whole contribution was taken out on command
+  kReturn = 9,       ///< what had been taken out or left out of a session has entered the map
+  kErasure = 10,     ///< a session was forgotten
+  kLast = kErasure,  ///< storage/sqlite/verify_catalog.cc knows it as a number
 };
 
 struct RevisionRecord {

@@ -93,5 +93,53 @@ TEST_F(QuarantineRpcTest, AnOperatorSeesItAndLiftsIt) {
   EXPECT_TRUE(absl::IsNotFound(RunSessionsRelease(options, yes, out)));
 }
 
+TEST_F(QuarantineRpcTest, AnOperatorRevertsASession) {
+  const std::unique_ptr<Participant> device = RunBadDevice();
+  const auto id = static_cast<uint32_t>(device->session()->value());
+  std::istringstream none;
+  std::ostringstream out;
+  // Of the guard's quarantine nothing is left in the map to be taken out.
+  SessionsRevertOptions options{.server = address(), .id = id, .reason = "test", .yes = true};
+  EXPECT_TRUE(absl::IsFailedPrecondition(RunSessionsRevert(options, none, out)));
+  ASSERT_TRUE(RunSessionsRelease({.server = address(), .id = id, .yes = true}, none, out).ok());
+  options.dry_run = true;
+  ASSERT_TRUE(RunSessionsRevert(options, none, out).ok());
+  EXPECT_THAT(out.str(), HasSubstr("would revert session"));
+  EXPECT_THAT(Show(*device->session(), true), HasSubstr("\"state\": \"open\""));
+  options.dry_run = options.yes = false;
+  EXPECT_TRUE(absl::IsFailedPrecondition(RunSessionsRevert(options, none, out))) << "nobody can be asked";
+  options.yes = options.json = true;
+  out.str("");
+  ASSERT_TRUE(RunSessionsRevert(options, none, out).ok());
+  EXPECT_THAT(out.str(), HasSubstr("\"map_revision\": 0")) << "it had founded no map";
+  EXPECT_THAT(Show(*device->session(), false), HasSubstr("reverted by an operator: test"));
+  options.id = 4711;
+  EXPECT_TRUE(absl::IsNotFound(RunSessionsRevert(options, none, out)));
+}
+
+TEST_F(QuarantineRpcTest, AnOperatorErasesASession) {
+  const std::unique_ptr<Participant> device = RunBadDevice();
+  const auto id = static_cast<uint32_t>(device->session()->value());
+  std::istringstream none;
+  std::ostringstream out;
+  SessionsEraseOptions options{.server = address(), .id = id, .yes = true};
+  EXPECT_TRUE(absl::IsFailedPrecondition(RunSessionsErase(options, none, out))) << "it is open";
+  options.force = options.dry_run = true;
+  ASSERT_TRUE(RunSessionsErase(options, none, out).ok());
+  EXPECT_THAT(out.str(), HasSubstr("would erase session"));
+  options.dry_run = options.yes = false;
+  options.interactive = true;
+  std::istringstream no("n\n");
+  EXPECT_TRUE(absl::IsCancelled(RunSessionsErase(options, no, out)));
+  EXPECT_THAT(out.str(), HasSubstr("The map's past before now cannot be read any more."));
+  std::istringstream yes("y\n");
+  out.str("");
+  const Status erased = RunSessionsErase(options, yes, out);
+  ASSERT_TRUE(erased.ok()) << erased;
+  EXPECT_THAT(out.str(), HasSubstr("backups and bundles made before still hold it"));
+  EXPECT_TRUE(absl::IsNotFound(RunSessionsErase(options, yes, out)));
+  EXPECT_TRUE(absl::IsNotFound(RunSessionsShow({.server = address(), .id = id}, out)));
+}
+
 }  // namespace
 }  // namespace mapp
