@@ -26,6 +26,7 @@ void AddBackup(CLI::App& app, Command& chosen);
 void AddCompact(CLI::App& app, Command& chosen);
 void AddRestore(CLI::App& app, Command& chosen);
 void AddVerify(CLI::App& app, Command& chosen);
+void AddRebuild(CLI::App& app, Command& chosen);
 void AddSimulate(CLI::App& app, Command& chosen);
 /// `command_line`: as typed, for the report.
 void AddEval(CLI::App& app, const std::string& command_line, Command& chosen);

@@ -1,9 +1,10 @@
-// Arguments of the commands that look after the database file: backup, compact, restore, verify.
+// Arguments of the commands that look after the database file: backup, compact, rebuild, restore, verify.
 
 #include "cli/backup.h"
 #include "cli/commands.h"
 #include "cli/compact.h"
 #include "cli/interrupt.h"
+#include "cli/rebuild.h"
 #include "cli/verify.h"
 
 #include <iostream>
@@ -101,6 +102,31 @@ void AddVerify(CLI::App& app, Command& chosen) {
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
       return RunVerify(*options, watcher->token(), std::cout);
+    };
+  });
+}
+
+void AddRebuild(CLI::App& app, Command& chosen) {
+  auto options = std::make_shared<RebuildCommandOptions>();
+  CLI::App* command =
+      app.add_subcommand("rebuild", "Make all that is derived again from a database's keyframe log, in a new file");
+  AddJson(*command, options->json);
+  command->add_option("--db", options->database, "Database whose keyframe log is read; it is not changed")
+      ->required()
+      ->type_name("FILE");
+  command->add_option("--to", options->to, "The new database")->required()->type_name("FILE");
+  command
+      ->add_option("--threads", options->num_threads,
+                   "Of the optimizations; with one, the same log gives the same map, bit for bit")
+      ->check(CLI::Range(1, 64))
+      ->capture_default_str();
+  command->footer(
+      "Stop the server first, or what it acknowledges meanwhile is missed. `mapp restore` puts the new file in place.\n"
+      "Example: mapp rebuild --db /var/lib/mapp/maps.db --to /var/lib/mapp/rebuilt.db");
+  command->callback([options, &chosen] {
+    chosen = [options]() -> Status {
+      MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
+      return RunRebuild(*options, watcher->token(), std::cout);
     };
   });
 }

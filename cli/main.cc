@@ -52,6 +52,7 @@ int Main(int argc, char** argv) {
   AddRestore(app, chosen);
   AddCompact(app, chosen);
   AddVerify(app, chosen);
+  AddRebuild(app, chosen);
   AddSimulate(app, chosen);
   AddEval(app, JoinArguments(argc, argv), chosen);
   try {

@@ -45,6 +45,8 @@ class MapReader {
   /// For each of the session's point numbers: the live map point it stands for now (fusion followed), or nullopt.
   virtual StatusOr<std::vector<std::optional<MapPointId>>> FindSessionPoints(
       SessionId session, std::span<const uint64_t> session_points) = 0;
+  /// Every point that the session has given a number, those that live no more too, ordered by number and id.
+  virtual StatusOr<std::vector<NumberedPoint>> ListNumberedPoints(SessionId session) = 0;
   virtual StatusOr<std::vector<PointRecord>> PointsInTile(MapId map, const TileKey& tile) = 0;
   /// Live points created by the session, in the map or in its fragment.
   virtual StatusOr<std::vector<PointRecord>> PointsOfSession(SessionId session) = 0;
@@ -78,6 +80,8 @@ class MapWriter : public MapReader {
   virtual Status SetFounder(MapId map, std::optional<SessionId> founder) = 0;
   /// MapRecord::has_metric_scale.
   virtual Status SetMetricScale(MapId map, bool has_metric_scale) = 0;
+  /// The next map, session and frame get these ids or greater ones; those of a default id as they come.
+  virtual Status SkipIds(MapId map, SessionId session, FrameId frame) = 0;
   virtual StatusOr<CameraId> InsertCamera(const Camera& camera) = 0;
   /// Id and opened_ns are set by the store.
   virtual StatusOr<SessionId> InsertSession(const SessionRecord& session) = 0;

@@ -115,6 +115,13 @@ struct PointRecord {
   Revision created;                ///< of this version of the point
 };
 
+/// A session's number for a point, and the point that this founded.
+struct NumberedPoint {
+  uint64_t session_point = 0;
+  MapPointId point;
+  friend bool operator==(const NumberedPoint&, const NumberedPoint&) = default;
+};
+
 struct TileRecord {
   TileKey key;
   Revision revision;  ///< of the last commit that changed its content

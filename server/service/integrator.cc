@@ -6,6 +6,7 @@
 #include "server/service/map_scale.h"
 #include "server/service/median.h"
 #include "server/service/registrar.h"
+#include "server/service/replay_guide.h"
 #include "server/service/session_events.h"
 #include "server/service/session_guard.h"
 #include "server/service/session_view.h"
@@ -156,6 +157,7 @@ StatusOr<UploadResult> Integrator::Integrate(const CallContext& context, const s
     MAPP_RETURN_IF_ERROR(Validate(upload.keyframe, upload.view.camera, upload.view.map.features));
     MAPP_ASSIGN_OR_RETURN(const auto stored, reader->FindFrame(upload.keyframe.session, upload.keyframe.number));
     if (stored) return StoredBefore(*reader, upload.view.session, *stored);
+    if (options_.replay != nullptr) MAPP_RETURN_IF_ERROR(options_.replay->translate(*reader, upload.keyframe));
     ScaleLengths(upload.keyframe, upload.view.session.scale_map_session);
     MAPP_RETURN_IF_ERROR(CheckOpen(upload.view.session));
     MAPP_RETURN_IF_ERROR(CheckNotQuarantined(upload.view.session));
@@ -221,6 +223,7 @@ Status Integrator::Store(MapWriter& writer, const Upload& upload, Outcome& outco
   outcome.in_map = session.T_map_session.has_value();
   KeyframeEvidence evidence;
   const auto admit = [&](std::span<const KnownPoint> known) {
+    if (options_.replay != nullptr) return !outcome.in_map || options_.replay->admits(session.id, keyframe.number);
     // An operator's word is the last one.
     if (!session.quarantine) evidence = Judge(upload, keyframe, T_frame_camera, known);
     // A fragment is compared as a whole before it may merge.

@@ -13,6 +13,7 @@ namespace mapp {
 class MapStore;
 class MapWriter;
 class Registrar;
+struct ReplayGuide;
 class SessionEvents;
 class SessionGuard;
 class StepTimes;
@@ -24,6 +25,8 @@ struct IntegratorOptions {
   AssociationOptions association;
   /// Told how long each run took. Borrowed; may be null.
   StepTimes* step_times = nullptr;
+  /// Borrowed; null but where a log is replayed.
+  const ReplayGuide* replay = nullptr;
 };
 
 /// Takes uploaded keyframes into the map (DESIGN 7): everything that one changes is one transaction, and the caches

@@ -144,6 +144,11 @@ StatusOr<std::unique_ptr<MapService>> MapService::Create(MapStore& store, const 
   return std::unique_ptr<MapService>(new MapService(std::move(impl)));
 }
 
+void MapService::WaitUntilIdle() {
+  impl_->registrar.WaitUntilIdle();
+  impl_->optimizer.WaitUntilIdle();
+}
+
 void MapService::Shutdown() {
   impl_->registrar.Shutdown();
   impl_->optimizer.Shutdown();

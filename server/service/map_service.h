@@ -23,6 +23,7 @@
 namespace mapp {
 
 class MapStore;
+struct ReplayGuide;
 
 struct MapServiceOptions {
   size_t cache_bytes = size_t{256} << 20;
@@ -31,6 +32,8 @@ struct MapServiceOptions {
   GuardOptions guard;
   /// Greatest upload accepted, bytes.
   size_t max_keyframe_bytes = size_t{64} << 10;
+  /// Borrowed; null but where a log is replayed.
+  const ReplayGuide* replay = nullptr;
 };
 
 /// The map service's logic, free of gRPC: what the handlers of server/rpc call. Thread-safe. Errors are the codes that
@@ -108,6 +111,8 @@ class MapService {
   /// Since the service was created.
   std::vector<StepFigures> StepTimesSoFar() const;
 
+  /// Waits until all that was uploaded has been compared with its map, and the optimizations that came due are done.
+  void WaitUntilIdle();
   /// Stops the threads. The store stays open. Idempotent.
   void Shutdown();
 

@@ -19,7 +19,10 @@ struct MapService::Impl {
         optimizer(map_store, tiles, events, WithStepTimes(options.optimizer)),
         registrar(map_store, tiles, events, WithGuard(WithOptimizer(WithStepTimes(options.registrar)))),
         integrator(map_store, tiles, events, registrar, guard,
-                   {.max_packet_bytes = options.max_keyframe_bytes, .association = {}, .step_times = &step_times}),
+                   {.max_packet_bytes = options.max_keyframe_bytes,
+                    .association = {},
+                    .step_times = &step_times,
+                    .replay = options.replay}),
         shared_map(map_store) {}
 
   template <typename Options>

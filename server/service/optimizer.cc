@@ -314,6 +314,8 @@ StatusOr<MapOptimizationFinished> Optimizer::OptimizeMap(const CallContext& cont
   return impl_->OptimizeMap(impl_->Stoppable(context), map, on_progress);
 }
 
+void Optimizer::WaitUntilIdle() { impl_->worker.WaitUntilIdle(); }
+
 void Optimizer::Shutdown() {
   impl_->stopping = true;
   impl_->worker.Stop();

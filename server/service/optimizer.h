@@ -63,6 +63,8 @@ class Optimizer {
   void OnSessionClosed(SessionId session);
   /// Queues the closed sessions whose optimisation is still owed (after a start). Fragments are owed none.
   Status ResumeOwed();
+  /// Waits until the queued ones are done.
+  void WaitUntilIdle();
   /// Runs one now, on the caller's thread; one at a time. A fragment that is not in the map is left as it is.
   /// NOT_FOUND: no such session, or deleted meanwhile. CANCELLED or DEADLINE_EXCEEDED of `context`, or on Shutdown:
   /// the optimisation is then still owed.

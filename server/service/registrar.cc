@@ -431,6 +431,8 @@ Status Registrar::RunAlone(MapId map, const std::function<Status()>& work) {
   }
 }
 
+void Registrar::WaitUntilIdle() { impl_->worker.WaitUntilIdle(); }
+
 void Registrar::Shutdown() {
   impl_->stopping = true;
   impl_->worker.Stop();

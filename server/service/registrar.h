@@ -81,6 +81,8 @@ class Registrar {
   /// Runs `work` between the looks at two keyframes, so that nothing is known meanwhile of a map but what its database
   /// says, and waits for it. UNAVAILABLE: too much waits, or the registrar has been shut down.
   Status RunAlone(MapId map, const std::function<Status()>& work);
+  /// Waits until all that it was told of has been looked at, with what follows from it.
+  void WaitUntilIdle();
   /// Forgets the map's index.
   void OnMapDeleted(MapId map);
   /// Ends the thread after the work in hand; what still waits is taken up again after the next start. Idempotent.

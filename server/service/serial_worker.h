@@ -31,6 +31,12 @@ class SerialWorker {
     return true;
   }
 
+  /// Waits until there is nothing to do, or the worker has been stopped. Not to be called from a task.
+  void WaitUntilIdle() {
+    const MutexLock lock(mutex_);
+    while (!stopping_ && (busy_ || !tasks_.empty())) idle_.Wait(mutex_);
+  }
+
   /// Waits for the task in hand, drops the others. Idempotent; not to be called from a task.
   void Stop() {
     {
@@ -39,6 +45,7 @@ class SerialWorker {
       tasks_.clear();
     }
     changed_.NotifyAll();
+    idle_.NotifyAll();
     const MutexLock lock(join_mutex_);
     if (thread_.joinable()) thread_.join();
   }
@@ -49,10 +56,13 @@ class SerialWorker {
       Task task;
       {
         const MutexLock lock(mutex_);
+        busy_ = false;
+        if (tasks_.empty()) idle_.NotifyAll();
         while (tasks_.empty() && !stopping_) changed_.Wait(mutex_);
         if (stopping_) return;
         task = std::move(tasks_.front());
         tasks_.pop_front();
+        busy_ = true;
       }
       run_(task);
     }
@@ -62,8 +72,10 @@ class SerialWorker {
   const std::function<void(const Task&)> run_;
   Mutex mutex_;
   CondVar changed_;
+  CondVar idle_;
   std::deque<Task> tasks_ ABSL_GUARDED_BY(mutex_);
   bool stopping_ ABSL_GUARDED_BY(mutex_) = false;
+  bool busy_ ABSL_GUARDED_BY(mutex_) = false;
   Mutex join_mutex_;  ///< lets two threads stop it at once
   std::jthread thread_;
 };

@@ -106,6 +106,14 @@ Status Change::SetMetricScale(MapId map, bool has_metric_scale) {
   return absl::OkStatus();
 }
 
+Status Change::SkipIds(MapId map, SessionId session, FrameId frame) {
+  NextIds& next = contents_.next;
+  next.map = std::max(next.map, map.value());
+  next.session = std::max(next.session, session.value());
+  next.frame = std::max(next.frame, frame.value());
+  return absl::OkStatus();
+}
+
 StatusOr<CameraId> Change::InsertCamera(const Camera& camera) {
   MAPP_RETURN_IF_ERROR(internal::CheckCamera(camera));
   const CameraId id(contents_.next.camera++);

@@ -25,6 +25,7 @@ class Change final : public Reads<MapWriter> {
   Status DeleteMap(MapId map) override;
   Status SetFounder(MapId map, std::optional<SessionId> founder) override;
   Status SetMetricScale(MapId map, bool has_metric_scale) override;
+  Status SkipIds(MapId map, SessionId session, FrameId frame) override;
   StatusOr<CameraId> InsertCamera(const Camera& camera) override;
   StatusOr<SessionId> InsertSession(const SessionRecord& session) override;
   Status UpdateSession(const SessionRecord& session) override;

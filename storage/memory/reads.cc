@@ -170,6 +170,19 @@ StatusOr<std::vector<std::optional<MapPointId>>> Reads<Interface>::FindSessionPo
 }
 
 template <typename Interface>
+StatusOr<std::vector<NumberedPoint>> Reads<Interface>::ListNumberedPoints(SessionId session) {
+  std::vector<NumberedPoint> points;
+  const MapState* const state = contents_.MapOfSession(session);
+  if (state == nullptr) return points;
+  state->session_points.ForEachFrom({session, 0, MapPointId(0)}, [&](const auto& key, Present) {
+    if (std::get<0>(key) != session) return false;
+    points.push_back({std::get<1>(key), std::get<2>(key)});
+    return true;
+  });
+  return points;
+}
+
+template <typename Interface>
 StatusOr<std::vector<PointRecord>> Reads<Interface>::PointsInTile(MapId map, const TileKey& tile) {
   std::vector<PointRecord> records;
   const MapState* const state = contents_.FindMap(map);

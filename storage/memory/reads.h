@@ -32,6 +32,7 @@ class Reads : public Interface {
   StatusOr<std::vector<PointRecord>> FindPoints(std::span<const MapPointId> points) override;
   StatusOr<std::vector<std::optional<MapPointId>>> FindSessionPoints(SessionId session,
                                                                      std::span<const uint64_t> session_points) override;
+  StatusOr<std::vector<NumberedPoint>> ListNumberedPoints(SessionId session) override;
   StatusOr<std::vector<PointRecord>> PointsInTile(MapId map, const TileKey& tile) override;
   StatusOr<std::vector<PointRecord>> PointsOfSession(SessionId session) override;
   StatusOr<std::vector<TileRecord>> ListTiles(MapId map, const std::optional<Aabb>& box_map) override;

@@ -137,6 +137,21 @@ Status SetMetricScale(Connection& db, ChangeLedger& ledger, MapId map, bool has_
   return RunOnOneRow(update.Bind(has_metric_scale, map), internal::NoSuchMap(map));
 }
 
+Status SkipIds(Connection& db, MapId map, SessionId session, FrameId frame) {
+  // Where AUTOINCREMENT keeps the greatest id that a table has given.
+  const auto skip = [&db](std::string_view table, uint64_t next) -> Status {
+    if (next == 0) return absl::OkStatus();
+    MAPP_RETURN_IF_ERROR(db.Prepare("INSERT INTO sqlite_sequence (name, seq) SELECT ?1, 0 WHERE NOT EXISTS "
+                                    "(SELECT 1 FROM sqlite_sequence WHERE name = ?1)")
+                             .Bind(table)
+                             .Run());
+    return db.Prepare("UPDATE sqlite_sequence SET seq = max(seq, ?2) WHERE name = ?1").Bind(table, next - 1).Run();
+  };
+  MAPP_RETURN_IF_ERROR(skip("maps", map.value()));
+  MAPP_RETURN_IF_ERROR(skip("sessions", session.value()));
+  return skip("keyframe_log", frame.value());
+}
+
 Status DeleteCameraIfUnused(Connection& db, CameraId camera) {
   return db
       .Prepare("DELETE FROM cameras WHERE camera_id = ?1 AND NOT EXISTS (SELECT 1 FROM sessions WHERE camera_id = ?1)")

@@ -24,6 +24,7 @@ StatusOr<MapId> CreateMap(Connection& db, ChangeLedger& ledger, const MapRecord&
 Status DeleteMap(Connection& db, ChangeLedger& ledger, MapId map);
 Status SetFounder(Connection& db, ChangeLedger& ledger, MapId map, std::optional<SessionId> founder);
 Status SetMetricScale(Connection& db, ChangeLedger& ledger, MapId map, bool has_metric_scale);
+Status SkipIds(Connection& db, MapId map, SessionId session, FrameId frame);
 Status DeleteCameraIfUnused(Connection& db, CameraId camera);
 StatusOr<CameraId> InsertCamera(Connection& db, const Camera& camera);
 StatusOr<SessionId> InsertSession(Connection& db, ChangeLedger& ledger, const SessionRecord& session);

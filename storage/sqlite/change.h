@@ -32,6 +32,9 @@ class Change final : public MapReads<MapWriter> {
   Status SetMetricScale(MapId map, bool has_metric_scale) override {
     return sqlite::SetMetricScale(db_, ledger_, map, has_metric_scale);
   }
+  Status SkipIds(MapId map, SessionId session, FrameId frame) override {
+    return sqlite::SkipIds(db_, map, session, frame);
+  }
   StatusOr<CameraId> InsertCamera(const Camera& camera) override { return sqlite::InsertCamera(db_, camera); }
   StatusOr<SessionId> InsertSession(const SessionRecord& session) override {
     return sqlite::InsertSession(db_, ledger_, session);

@@ -57,6 +57,9 @@ class MapReads : public Interface {
       SessionId session, std::span<const uint64_t> session_points) override {
     return sqlite::FindSessionPoints(db_, session, session_points);
   }
+  StatusOr<std::vector<NumberedPoint>> ListNumberedPoints(SessionId session) override {
+    return sqlite::ListNumberedPoints(db_, session);
+  }
   StatusOr<std::vector<PointRecord>> PointsInTile(MapId map, const TileKey& tile) override {
     return sqlite::PointsInTile(db_, map, tile);
   }

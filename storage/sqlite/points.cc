@@ -74,6 +74,10 @@ StatusOr<std::vector<PointRecord>> ReadPoints(Connection& db, std::span<const Ma
   return records;
 }
 
+StatusOr<NumberedPoint> ReadNumberedPoint(const Statement& row) {
+  return NumberedPoint{static_cast<uint64_t>(row.Int64(0)), row.GetId<MapPointId>(1)};
+}
+
 }  // namespace
 
 StatusOr<std::vector<PointRecord>> GetPoints(Connection& db, std::span<const MapPointId> points) {
@@ -103,6 +107,12 @@ StatusOr<std::vector<std::optional<MapPointId>>> FindSessionPoints(Connection& d
     }
   }
   return found;
+}
+
+StatusOr<std::vector<NumberedPoint>> ListNumberedPoints(Connection& db, SessionId session) {
+  Statement query = db.Prepare("SELECT session_point, point_id FROM session_points WHERE session_id = ? ORDER BY 1, 2");
+  query.Bind(session);
+  return ReadAll(query, ReadNumberedPoint);
 }
 
 StatusOr<std::vector<PointRecord>> PointsInTile(Connection& db, MapId map, const TileKey& tile) {

@@ -17,6 +17,7 @@ StatusOr<std::vector<PointRecord>> GetPoints(Connection& db, std::span<const Map
 StatusOr<std::vector<PointRecord>> FindPoints(Connection& db, std::span<const MapPointId> points);
 StatusOr<std::vector<std::optional<MapPointId>>> FindSessionPoints(Connection& db, SessionId session,
                                                                    std::span<const uint64_t> session_points);
+StatusOr<std::vector<NumberedPoint>> ListNumberedPoints(Connection& db, SessionId session);
 StatusOr<std::vector<PointRecord>> PointsInTile(Connection& db, MapId map, const TileKey& tile);
 StatusOr<std::vector<PointRecord>> PointsOfSession(Connection& db, SessionId session);
 
