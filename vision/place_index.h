@@ -46,6 +46,8 @@ class PlaceIndex {
   std::vector<Candidate> Query(std::span<const OrbDescriptor> descriptors, size_t max_candidates,
                                const Filter& accept = {}) const;
   size_t num_frames() const;
+  /// Of one frame, at most.
+  static constexpr size_t kBytesAFrame = 4800;
 
   /// Frames added since the last SealBlock(); from kMaxNewFrames on they are sealed by themselves, and not stored.
   size_t num_new_frames() const;

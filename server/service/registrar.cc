@@ -71,6 +71,8 @@ struct Registrar::Impl {
         worker(kMaxWaitingFrames, [this](const Task& task) { Run(task); }) {}
 
   void Run(const Task& task);
+  /// Tiles and indices share one limit: of the frames indexed, and those about to be.
+  void MakeRoomForIndices(size_t num_frames_more = 0);
   Status Process(const Task& task);
   Status ProcessFragmentFrame(MapReader& reader, const FrameRecord& frame, MapState& state);
   /// Asks one keyframe where its session lies and adds its word to `consensus`.
@@ -134,6 +136,7 @@ Status Registrar::Impl::AddFrames(MapReader& reader, MapId map, std::optional<Se
 }
 
 StatusOr<MapState*> Registrar::Impl::StateOf(MapReader& reader, MapId map) {
+  MAPP_ASSIGN_OR_RETURN(const MapRecord record, reader.GetMap(map));
   bool must_catch_up = false;
   {
     const MutexLock lock(mutex);
@@ -144,6 +147,7 @@ StatusOr<MapState*> Registrar::Impl::StateOf(MapReader& reader, MapId map) {
   };
   const auto [state, is_new] = maps.try_emplace(map, MapState{StoredPlaces(store, map, on_trouble), {}, {}, {}});
   if (is_new || must_catch_up) {
+    if (is_new) MakeRoomForIndices(static_cast<size_t>(record.num_frames));
     Status status = is_new ? state->second.places.Load(reader) : absl::OkStatus();
     if (status.ok()) status = AddFrames(reader, map, std::nullopt, state->second);
     if (!status.ok()) {
@@ -357,6 +361,12 @@ Status Registrar::Impl::Process(const Task& task) {
   return RecallFragments(*reader, frame, *state);
 }
 
+void Registrar::Impl::MakeRoomForIndices(size_t num_frames_more) {
+  size_t num_frames = num_frames_more;
+  for (const auto& [map, state] : maps) num_frames += state.places.index().num_frames();
+  tiles.MakeRoomFor(num_frames * PlaceIndex::kBytesAFrame);
+}
+
 void Registrar::Impl::Run(const Task& task) {
   Status status;
   switch (task.kind) {
@@ -384,6 +394,7 @@ void Registrar::Impl::Run(const Task& task) {
       status = Process(task);
       break;
   }
+  MakeRoomForIndices();
   if (!status.ok() && !absl::IsNotFound(status) && options.on_error) options.on_error(task.session, status);
 }
 

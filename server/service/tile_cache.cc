@@ -6,9 +6,12 @@
 #include "storage/map_store.h"
 
 #include <algorithm>
+#include <atomic>
 #include <iterator>
 #include <list>
+#include <malloc.h>
 #include <optional>
+#include <thread>
 #include <unordered_map>
 #include <unordered_set>
 #include <utility>
@@ -59,6 +62,10 @@ struct Directory {
   std::unordered_set<TileKey> keys;
 };
 
+/// So many tiles that are not in memory are loaded by two threads.
+constexpr size_t kMinAbsentForHelp = 2;
+/// Of memory that tiles leave at once, from which on it is given back to the system.
+constexpr size_t kMinTrimBytes = size_t{16} << 20;
 constexpr size_t kEntryBytes = 160;        // of an entry without its tile, hash and list nodes included
 constexpr size_t kDirectoryKeyBytes = 40;  // of a key in the directory
 
@@ -97,7 +104,7 @@ StatusOr<TilePtr> ApplyTo(const TilePtr& tile, const TileChange& change, Revisio
 }  // namespace
 
 struct TileCache::Impl {
-  Impl(MapStore& map_store, size_t byte_limit) : store(map_store), max_bytes(byte_limit) {}
+  Impl(MapStore& map_store, size_t byte_limit) : store(map_store), max_bytes(byte_limit), limit(byte_limit) {}
 
   MapStore& store;
   const size_t max_bytes;
@@ -108,8 +115,10 @@ struct TileCache::Impl {
   std::list<CacheKey> recency ABSL_GUARDED_BY(mutex);  // most recently used first; tiles in memory only
   std::unordered_map<MapId, Directory> directories ABSL_GUARDED_BY(mutex);
   size_t bytes ABSL_GUARDED_BY(mutex) = 0;
+  size_t limit ABSL_GUARDED_BY(mutex);  ///< of `bytes`
 
   void Publish(const CacheKey& key, TilePtr tile, Revision revision) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
+  void DropOldest() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
   void Erase(const CacheKey& key) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
   void Touch(Entry& entry) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex) {
     recency.splice(recency.begin(), recency, entry.recency);
@@ -125,6 +134,7 @@ struct TileCache::Impl {
   void DropDirectory(MapId map) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex);
   Status EnsureDirectory(MapId map);
   std::vector<TileKey> KeysInBox(MapId map, const Aabb& box_map);
+  size_t NumAbsent(MapId map, const std::vector<TileKey>& keys) const;
 };
 
 void TileCache::Impl::Publish(const CacheKey& key, TilePtr tile, Revision revision) {
@@ -135,7 +145,11 @@ void TileCache::Impl::Publish(const CacheKey& key, TilePtr tile, Revision revisi
   recency.push_front(key);
   entry.recency = recency.begin();
   bytes += BytesOf(entry);
-  while (bytes > max_bytes && recency.size() > 1) {
+  DropOldest();
+}
+
+void TileCache::Impl::DropOldest() {
+  while (bytes > limit && recency.size() > 1) {
     const CacheKey oldest = recency.back();
     Erase(oldest);
   }
@@ -280,15 +294,34 @@ std::vector<TileKey> TileCache::Impl::KeysInBox(MapId map, const Aabb& box_map) 
   return keys;
 }
 
+size_t TileCache::Impl::NumAbsent(MapId map, const std::vector<TileKey>& keys) const {
+  const MutexLock lock(mutex);
+  return static_cast<size_t>(std::ranges::count_if(keys, [&](const TileKey& key) {
+    return !entries.contains({map, key});
+  }));
+}
+
 TileCache::TileCache(MapStore& store, size_t max_bytes) : impl_(std::make_unique<Impl>(store, max_bytes)) {}
 TileCache::~TileCache() = default;
 
 StatusOr<std::vector<std::shared_ptr<const LoadedTile>>> TileCache::TilesInBox(MapId map, const Aabb& box_map) {
   MAPP_RETURN_IF_ERROR(impl_->EnsureDirectory(map));
+  const std::vector<TileKey> keys = impl_->KeysInBox(map, box_map);
+  std::vector<StatusOr<TilePtr>> found(keys.size());
+  std::atomic<size_t> next = 0;
+  const auto get_rest = [&] {
+    for (size_t i = next++; i < keys.size(); i = next++) found[i] = GetTile(map, keys[i]);
+  };
+  {
+    // Tiles that have to be read from the store take a millisecond and more each.
+    std::optional<std::jthread> helper;
+    if (impl_->NumAbsent(map, keys) >= kMinAbsentForHelp) helper.emplace(get_rest);
+    get_rest();
+  }
   std::vector<TilePtr> tiles;
-  for (const TileKey& key : impl_->KeysInBox(map, box_map)) {
-    MAPP_ASSIGN_OR_RETURN(TilePtr tile, GetTile(map, key));
-    if (tile != nullptr) tiles.push_back(std::move(tile));
+  for (StatusOr<TilePtr>& tile : found) {
+    MAPP_RETURN_IF_ERROR(tile.status());
+    if (*tile != nullptr) tiles.push_back(*std::move(tile));
   }
   return tiles;
 }
@@ -338,6 +371,15 @@ void TileCache::OnMapDeleted(MapId map) {
   }
   for (const CacheKey& key : keys) impl_->Drop(key);
   impl_->DropDirectory(map);
+}
+
+void TileCache::MakeRoomFor(size_t others_bytes) {
+  const MutexLock lock(impl_->mutex);
+  impl_->limit = std::max(impl_->max_bytes / 4, impl_->max_bytes - std::min(impl_->max_bytes, others_bytes));
+  const size_t before = impl_->bytes;
+  impl_->DropOldest();
+  // What tiles leave are holes, too small for who needs the room.
+  if (before - impl_->bytes > kMinTrimBytes) malloc_trim(0);
 }
 
 size_t TileCache::bytes() const {

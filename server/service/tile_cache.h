@@ -42,6 +42,8 @@ class TileCache {
   /// Drops tiles in memory; the next use loads them. For commits that moved much (merge, optimisation).
   void Invalidate(MapId map, std::span<const TileKey> keys);
   void OnMapDeleted(MapId map);
+  /// What somebody else holds within the same limit: tiles get the rest, and a quarter of it in any case.
+  void MakeRoomFor(size_t others_bytes);
   size_t bytes() const;
 
  private:
