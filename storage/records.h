@@ -131,6 +131,7 @@ enum class RevisionCause : uint8_t {
   kFusion = 5,  ///< points that turned out to be one
   kRescaling = 6,
   kRetirement = 7,  ///< of what a quarantined session had brought
+  kImport = 11,     ///< all of the map came from a bundle
 };
 
 struct RevisionRecord {

@@ -104,7 +104,7 @@ StatusOr<std::vector<RevisionRecord>> ListRevisions(Connection& db, MapId map, R
     record.revision = query.GetId<Revision>(0);
     record.committed_ns = query.Int64(1);
     const int64_t cause = query.Int64(2);
-    if (cause < 0 || cause > static_cast<int64_t>(RevisionCause::kRetirement)) {
+    if (cause < 0 || cause > static_cast<int64_t>(RevisionCause::kImport)) {
       return absl::DataLossError(fmt::format("revision {}: unknown cause {}", record.revision.value(), cause));
     }
     record.cause = static_cast<RevisionCause>(cause);
