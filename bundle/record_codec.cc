@@ -292,7 +292,7 @@ StatusOr<BundleRecord> DecodeRecord(uint8_t kind, std::string_view bytes) {
   if (kind == 0 || kind > kDecoders.size()) return absl::DataLossError(fmt::format("kind {} is unknown", kind));
   ByteReader in(bytes);
   StatusOr<BundleRecord> record = kDecoders[kind - 1](in);
-  if (!in.failed() && in.remaining() == 0) return record;
+  if (!in.failed() && (!record.ok() || in.remaining() == 0)) return record;
   return absl::DataLossError(fmt::format("too {}", in.failed() ? "short" : "long"));
 }
 

@@ -78,6 +78,8 @@ class Registrar {
   void OnSessionQuarantined(MapId map, SessionId session, const std::vector<FrameId>& retired);
   /// Takes up the fragment of a session that was released.
   void OnSessionReleased(MapId map, SessionId session);
+  /// Makes the index of a map that came as a whole, before its first keyframe needs it.
+  void OnMapImported(MapId map);
   /// Forgets the map's index.
   void OnMapDeleted(MapId map);
   /// Ends the thread after the work in hand; what still waits is taken up again after the next start. Idempotent.
