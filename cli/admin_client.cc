@@ -1,8 +1,5 @@
-#include "cli/admin_client.h"
-
 #include "api/convert/convert.h"
-#include "api/status/grpc_status.h"
-#include "mapp/v1/admin_service.grpc.pb.h"
+#include "cli/admin_client_impl.h"
 
 #include <fmt/format.h>
 #include <grpcpp/create_channel.h>
@@ -19,30 +16,8 @@ namespace {
 constexpr std::chrono::seconds kCallTimeout(10);
 /// Deleting and exporting touch everything a map holds.
 constexpr std::chrono::minutes kBulkCallTimeout(10);
-/// Any database is copied and checked by then.
-constexpr std::chrono::hours kWholeFileTimeout(24);
 
 Eigen::Vector3d ToVector(const v1::Point3& point) { return {point.x_m(), point.y_m(), point.z_m()}; }
-
-StatusOr<MapSummary> ToSummary(const v1::MapInfo& info) {
-  MapSummary map;
-  map.id = info.id();
-  map.name = info.name();
-  map.created_unix_ns = info.created_unix_ns();
-  map.revision = info.revision();
-  map.num_frames = info.num_frames();
-  map.num_points = info.num_points();
-  map.num_sessions = info.num_sessions();
-  map.tile_edge_m = info.tile_edge_m();
-  map.cone_range_m = info.cone_range_m();
-  map.scale_unknown = info.scale_unknown();
-  map.num_tiles = info.num_tiles();
-  if (info.has_feature_settings()) {
-    MAPP_ASSIGN_OR_RETURN(map.features, FromProto(info.feature_settings(), "feature_settings"));
-  }
-  if (info.has_bounds()) map.bounds = Aabb(ToVector(info.bounds().min()), ToVector(info.bounds().max()));
-  return map;
-}
 
 StatusOr<SessionSummary> ToSummary(const v1::SessionInfo& info) {
   SessionSummary session;
@@ -95,35 +70,27 @@ std::vector<TagSummary> ToSummaries(const google::protobuf::RepeatedPtrField<v1:
   return summaries;
 }
 
-/// A server's own answer that fails validation is not the caller's fault.
-Status BadAnswer(const Status& status) {
-  return absl::DataLossError(fmt::format("the server's answer: {}", std::string(status.message())));
-}
-
 }  // namespace
 
-struct AdminClient::Impl {
-  std::string server;
-  std::unique_ptr<v1::AdminService::Stub> stub;
-
-  Status ToStatus(const grpc::Status& status) const {
-    if (status.error_code() == grpc::StatusCode::UNAVAILABLE) {
-      return Annotate(FromGrpcStatus(status), fmt::format("server {}", server));
-    }
-    return FromGrpcStatus(status);
+StatusOr<MapSummary> AdminClient::Impl::ToMapSummary(const v1::MapInfo& info) {
+  MapSummary map;
+  map.id = info.id();
+  map.name = info.name();
+  map.created_unix_ns = info.created_unix_ns();
+  map.revision = info.revision();
+  map.num_frames = info.num_frames();
+  map.num_points = info.num_points();
+  map.num_sessions = info.num_sessions();
+  map.tile_edge_m = info.tile_edge_m();
+  map.cone_range_m = info.cone_range_m();
+  map.scale_unknown = info.scale_unknown();
+  map.num_tiles = info.num_tiles();
+  if (info.has_feature_settings()) {
+    MAPP_ASSIGN_OR_RETURN(map.features, FromProto(info.feature_settings(), "feature_settings"));
   }
-
-  template <typename Request, typename Response>
-  StatusOr<Response> Call(grpc::Status (v1::AdminService::Stub::*method)(grpc::ClientContext*, const Request&,
-                                                                         Response*),
-                          const Request& request, std::chrono::milliseconds timeout) {
-    grpc::ClientContext context;
-    context.set_deadline(std::chrono::system_clock::now() + timeout);
-    Response response;
-    MAPP_RETURN_IF_ERROR(ToStatus((stub.get()->*method)(&context, request, &response)));
-    return response;
-  }
-};
+  if (info.has_bounds()) map.bounds = Aabb(ToVector(info.bounds().min()), ToVector(info.bounds().max()));
+  return map;
+}
 
 AdminClient::AdminClient(const std::string& server) : impl_(std::make_unique<Impl>()) {
   grpc::ChannelArguments arguments;
@@ -160,7 +127,7 @@ StatusOr<std::vector<MapSummary>> AdminClient::ListMaps() {
                         impl_->Call(&v1::AdminService::Stub::ListMaps, {}, kCallTimeout));
   std::vector<MapSummary> maps;
   for (const v1::MapInfo& info : response.maps()) {
-    StatusOr<MapSummary> map = ToSummary(info);
+    StatusOr<MapSummary> map = Impl::ToMapSummary(info);
     if (!map.ok()) return BadAnswer(map.status());
     maps.push_back(*std::move(map));
   }
@@ -173,7 +140,7 @@ StatusOr<MapSummary> AdminClient::GetMap(const std::string& name, const std::str
   request.set_at(at);
   MAPP_ASSIGN_OR_RETURN(const v1::GetMapResponse response,
                         impl_->Call(&v1::AdminService::Stub::GetMap, request, kBulkCallTimeout));
-  StatusOr<MapSummary> map = ToSummary(response.map());
+  StatusOr<MapSummary> map = Impl::ToMapSummary(response.map());
   if (!map.ok()) return BadAnswer(map.status());
   return map;
 }
@@ -222,7 +189,7 @@ StatusOr<MapContent> AdminClient::ExportMap(const std::string& name, const std::
   v1::ExportMapResponse response;
   while (bad_answer.ok() && reader->Read(&response)) {
     if (response.has_map()) {
-      StatusOr<MapSummary> map = ToSummary(response.map());
+      StatusOr<MapSummary> map = Impl::ToMapSummary(response.map());
       if (!map.ok()) return BadAnswer(map.status());
       content.map = *std::move(map);
     }

@@ -36,6 +36,8 @@ void AddJson(CLI::App& command, bool& json);
 void AddAt(CLI::App& command, std::string& at);
 /// `mapp maps log`, `diff` and `tag`.
 void AddMapHistory(CLI::App& maps, Command& chosen);
+/// `mapp maps export` and `import`.
+void AddMapBundles(CLI::App& maps, Command& chosen);
 
 /// An option whose value is one of `choices`. `value` must outlive the parsing.
 template <typename T, size_t N>

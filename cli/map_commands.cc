@@ -25,8 +25,10 @@ void AddAt(CLI::App& command, std::string& at) {
 }
 
 void AddMaps(CLI::App& app, Command& chosen) {
-  CLI::App* maps = app.add_subcommand("maps", "List, show, optimize and delete maps, and look into their past")
-                       ->require_subcommand(1);
+  CLI::App* maps =
+      app.add_subcommand("maps",
+                         "List, show, optimize and delete maps, look into their past, carry them to another server")
+          ->require_subcommand(1);
 
   auto list = std::make_shared<MapsListOptions>();
   CLI::App* list_command = maps->add_subcommand("list", "All maps of a server");
@@ -67,6 +69,7 @@ void AddMaps(CLI::App& app, Command& chosen) {
   });
 
   AddMapHistory(*maps, chosen);
+  AddMapBundles(*maps, chosen);
 }
 
 void AddSessions(CLI::App& app, Command& chosen) {

@@ -131,6 +131,8 @@ RpcServerOptions RpcOptions(const ServerConfig& config, const MapServiceOptions&
       return folder.BackUp(context, to, num_kept, on_progress);
     };
   }
+  const std::filesystem::path database(config.database_file);
+  options.spool_folder = database.has_parent_path() ? database.parent_path().string() : ".";
   options.verify = [file = config.database_file](const CallContext& context,
                                                  const std::function<void(const VerifyProgress&)>& on_progress) {
     VerifyOptions verify;

@@ -32,9 +32,15 @@ using VerifyFunction = std::function<StatusOr<VerifyReport>(
 class AdminServiceHandler final : public v1::AdminService::Service {
  public:
   /// Service and runner must outlive the handler. Without `back_up` BackUp is refused, without `verify` VerifyDatabase.
+  /// `spool_folder` takes bundles while they arrive.
   AdminServiceHandler(MapService& service, CallRunner& runner, const ServerFacts& facts, BackUpFunction back_up,
-                      VerifyFunction verify)
-      : service_(service), runner_(runner), facts_(facts), back_up_(std::move(back_up)), verify_(std::move(verify)) {}
+                      VerifyFunction verify, std::string spool_folder)
+      : service_(service),
+        runner_(runner),
+        facts_(facts),
+        back_up_(std::move(back_up)),
+        verify_(std::move(verify)),
+        spool_folder_(std::move(spool_folder)) {}
 
   grpc::Status GetServerInfo(grpc::ServerContext* context, const v1::GetServerInfoRequest* request,
                              v1::GetServerInfoResponse* response) override;
@@ -68,6 +74,11 @@ class AdminServiceHandler final : public v1::AdminService::Service {
                          v1::DeleteTagResponse* response) override;
   grpc::Status CompactMap(grpc::ServerContext* context, const v1::CompactMapRequest* request,
                           grpc::ServerWriter<v1::CompactMapResponse>* writer) override;
+  grpc::Status ExportBundle(grpc::ServerContext* context, const v1::ExportBundleRequest* request,
+                            grpc::ServerWriter<v1::ExportBundleResponse>* writer) override;
+  grpc::Status ImportBundle(
+      grpc::ServerContext* context,
+      grpc::ServerReaderWriter<v1::ImportBundleResponse, v1::ImportBundleRequest>* stream) override;
 
  private:
   MapService& service_;
@@ -75,6 +86,7 @@ class AdminServiceHandler final : public v1::AdminService::Service {
   const ServerFacts facts_;
   const BackUpFunction back_up_;
   const VerifyFunction verify_;
+  const std::string spool_folder_;
   std::atomic<bool> verifying_ = false;
 };
 

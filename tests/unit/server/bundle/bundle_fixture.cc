@@ -170,8 +170,7 @@ std::string ExportToString(MapStore& store, const std::string& name, const std::
 
 StatusOr<ImportedMap> ImportFromString(MapStore& store, const std::string& bundle, const std::string& name,
                                        const CallContext& context, const BundleImportObserver& on_progress) {
-  const TempFolder folder;
-  MAPP_ASSIGN_OR_RETURN(BundleFile file, BundleFile::CreateUnnamed(folder.path().string()));
+  MAPP_ASSIGN_OR_RETURN(BundleFile file, BundleFile::CreateUnnamed(std::filesystem::temp_directory_path().string()));
   MAPP_RETURN_IF_ERROR(file.Append(bundle));
   return ImportBundle(context, store, file, name, on_progress);
 }
