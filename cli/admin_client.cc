@@ -328,11 +328,11 @@ StatusOr<MapOptimizationSummary> AdminClient::OptimizeMap(
   return *summary;
 }
 
-StatusOr<Backup> AdminClient::BackUp(const std::string& to, int num_kept, const BackupObserver& on_progress,
-                                     const std::stop_token& stop) {
+StatusOr<Backup> AdminClient::BackUp(const BackupOptions& options, const std::stop_token& stop) {
   v1::BackUpRequest request;
-  request.set_to(to);
-  request.set_num_kept(static_cast<uint32_t>(num_kept));
+  request.set_to(options.to);
+  request.set_num_kept(static_cast<uint32_t>(options.num_kept));
+  request.set_dry_run(options.dry_run);
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kWholeFileTimeout);
   const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
@@ -342,9 +342,10 @@ StatusOr<Backup> AdminClient::BackUp(const std::string& to, int num_kept, const 
   while (reader->Read(&response)) {
     if (response.has_progress()) {
       const v1::BackUpResponse::Progress& progress = response.progress();
-      on_progress({.checking = progress.checking(),
-                   .bytes_done = static_cast<int64_t>(progress.bytes_done()),
-                   .bytes_total = static_cast<int64_t>(progress.bytes_total())});
+      if (!options.on_progress) continue;
+      options.on_progress({.checking = progress.checking(),
+                           .bytes_done = static_cast<int64_t>(progress.bytes_done()),
+                           .bytes_total = static_cast<int64_t>(progress.bytes_total())});
     } else if (response.has_result()) {
       const v1::BackUpResponse::Result& result = response.result();
       backup = Backup{result.file(),

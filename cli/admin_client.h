@@ -50,9 +50,9 @@ class AdminClient {
   StatusOr<MapOptimizationSummary> OptimizeMap(const std::string& name,
                                                const std::function<void(const MapOptimizationStep&)>& on_progress,
                                                const std::stop_token& stop);
-  /// Has the server write a backup on its machine (BackupOptions). CANCELLED on a stop request.
-  StatusOr<Backup> BackUp(const std::string& to, int num_kept, const BackupObserver& on_progress,
-                          const std::stop_token& stop);
+  /// Has the server write a backup on its machine: of the options `to`, `num_kept`, `dry_run` and `on_progress`.
+  /// CANCELLED on a stop request.
+  StatusOr<Backup> BackUp(const BackupOptions& options, const std::stop_token& stop);
   /// Has the server look through its database. CANCELLED on a stop request.
   StatusOr<VerifyReport> Verify(const std::function<void(const VerifyProgress&)>& on_progress,
                                 const std::stop_token& stop);

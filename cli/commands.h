@@ -15,6 +15,9 @@ namespace mapp {
 /// What the chosen subcommand runs once all arguments are parsed.
 using Command = std::function<Status()>;
 
+/// The whole command line, parsed into `chosen`, which must outlive the parsing. `command_line`: as typed, for reports.
+void AddCommands(CLI::App& app, const std::string& command_line, Command& chosen);
+
 // Each adds a subcommand with its options to `app`; `chosen` must outlive the parsing, which sets it to what is to run.
 void AddReplay(CLI::App& app, Command& chosen);
 void AddMaps(CLI::App& app, Command& chosen);

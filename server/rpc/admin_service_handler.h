@@ -20,9 +20,8 @@ struct ServerFacts {
   int64_t started_unix_ns = 0;
 };
 
-/// Writes a backup to `to`, a file or folder on this machine, and keeps `num_kept` there (0 = all).
-using BackUpFunction = std::function<StatusOr<Backup>(const CallContext&, const std::string& to, uint32_t num_kept,
-                                                      const BackupObserver& on_progress)>;
+/// BackUpDatabase of the server's database, to a file or folder on this machine.
+using BackUpFunction = std::function<StatusOr<Backup>(const CallContext&, const BackupOptions&)>;
 
 /// VerifyDatabase of the server's database.
 using VerifyFunction = std::function<StatusOr<VerifyReport>(

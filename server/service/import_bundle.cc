@@ -13,8 +13,8 @@ namespace mapp {
 namespace {
 
 const size_t kFrames = BundleRecord(BundleFrame()).index();
-/// Records between two looks at whether the caller is still there.
-constexpr uint64_t kRecordsBetweenChecks = 256;
+/// Asking whether the caller is still there costs more than writing a point.
+constexpr uint64_t kRecordsBetweenLooks = 256;
 
 /// Writes a bundle's records, which have been checked, under numbers of the store's own.
 class BundleImport {
@@ -138,7 +138,7 @@ Status WriteAll(const CallContext& context, ByteSource source, BundleImport& imp
                 const std::function<void(uint64_t bytes_done)>& on_progress) {
   MAPP_ASSIGN_OR_RETURN(BundleReader reader, BundleReader::Open(std::move(source)));
   for (uint64_t i = 0;; ++i) {
-    if (i % kRecordsBetweenChecks == 0) MAPP_RETURN_IF_ERROR(context.Check());
+    if (i % kRecordsBetweenLooks == 0) MAPP_RETURN_IF_ERROR(context.Check());
     MAPP_ASSIGN_OR_RETURN(const std::optional<BundleRecord> record, reader.Next());
     if (!record) return absl::OkStatus();
     MAPP_RETURN_IF_ERROR(import.Take(*record));
