@@ -73,6 +73,8 @@ TEST_F(CommandsTest, AnswerInJson) {
            {"verify", "--db", backup},
            {"restore", backup, "--db", folder().File("restored.db"), "--dry-run"},
            {"restore", backup, "--db", folder().File("restored.db")},
+           {"simulate", "room", "--out", folder().File("room")},
+           {"simulate", "garage", "--users", "1", "--path", "3", "--out", folder().File("garage")},
        }) {
     RunForJson(arguments);
   }
