@@ -69,7 +69,8 @@ Status BundleChecker::Check(const SessionRecord& session) {
   if (!cameras_.contains(session.camera)) return Wrong(fmt::format("{} has a camera that is not there", name));
   if (!session.closed_ns) return Wrong(fmt::format("{} is open", name));
   if (session.device.empty()) return Wrong(fmt::format("{} has no device", name));
-  if (session.id != SessionId() && sessions_.emplace(session.id, session.camera).second) return absl::OkStatus();
+  const KnownSession known{session.camera, session.T_map_session.has_value()};
+  if (session.id != SessionId() && sessions_.emplace(session.id, known).second) return absl::OkStatus();
   return Wrong(fmt::format("it has {} twice", name));
 }
 
@@ -98,7 +99,13 @@ Status BundleChecker::Check(const BundleFrame& frame) {
   MAPP_RETURN_IF_ERROR(AsWrong(name, keyframe.status()));
   const auto session = sessions_.find(keyframe->session);
   if (session == sessions_.end()) return Wrong(fmt::format("{} is of a session that is not there", name));
-  const Camera& camera = cameras_.at(session->second);
+  if (frame.in_map && !session->second.is_aligned) {
+    return Wrong(fmt::format("{} is in the map, and its session has no place there", name));
+  }
+  if (!keyframes_.emplace(keyframe->session, keyframe->number).second) {
+    return Wrong(fmt::format("it has keyframe {} of session {} twice", keyframe->number, keyframe->session.value()));
+  }
+  const Camera& camera = cameras_.at(session->second.camera);
   MAPP_RETURN_IF_ERROR(AsWrong(name, Validate(*keyframe, camera, map_->map.features)));
   MAPP_RETURN_IF_ERROR(CheckObservations(frame, keyframe->features.size()));
   frames_.Add(frame.id.value());

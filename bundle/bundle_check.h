@@ -7,7 +7,9 @@
 #include <cstdint>
 #include <functional>
 #include <optional>
+#include <set>
 #include <unordered_map>
+#include <utility>
 
 namespace mapp {
 
@@ -42,7 +44,12 @@ class BundleChecker {
   uint8_t last_kind_ = 0;
   std::optional<BundleMap> map_;
   std::unordered_map<CameraId, Camera> cameras_;
-  std::unordered_map<SessionId, CameraId> sessions_;
+  struct KnownSession {
+    CameraId camera;
+    bool is_aligned = false;
+  };
+  std::unordered_map<SessionId, KnownSession> sessions_;
+  std::set<std::pair<SessionId, uint32_t>> keyframes_;
   IdTable points_;
   IdTable frames_;
   IdTable observed_;

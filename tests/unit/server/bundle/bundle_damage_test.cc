@@ -1,6 +1,7 @@
 // Bundles that are not what was exported: refused by name, and nothing is changed.
 
 #include "bundle/bundle_check.h"
+#include "bundle/record_codec.h"
 #include "mapp/base/rng.h"
 #include "storage/memory/memory_map_store.h"
 #include "tests/unit/server/bundle/bundle_fixture.h"
@@ -75,6 +76,32 @@ TEST_F(BundleDamageTest, LengthsThatNobodyCanMeanAreNotAllocated) {
   // Behind magic, version and kind.
   for (size_t i = 13; i < 17; ++i) huge[i] = '\xff';
   EXPECT_THAT(std::string(Refusal(huge).message()), HasSubstr("a record of 4294967295 bytes"));
+}
+
+TEST_F(BundleDamageTest, NothingWithRightChecksumsBreaksTheServer) {
+  Rng rng(2);
+  int num_taken = 0;
+  for (int i = 0; i < 3000; ++i) {
+    std::string bundle;
+    const auto append = [&bundle](std::string_view bytes) {
+      bundle += bytes;
+      return absl::OkStatus();
+    };
+    BundleWriter writer(append);
+    for (const BundleRecord& record : small_.records()) {
+      std::string payload = EncodeRecord(record);
+      if (rng.Below(8) == 0) payload[rng.Below(payload.size())] = static_cast<char>(rng.Below(256));
+      const auto spoiled = DecodeRecord(KindOf(record), payload);
+      Check(writer.Add(spoiled.ok() ? *spoiled : record));
+    }
+    Check(writer.Finish());
+    const auto store = Value(OpenMemoryMapStore(CreateMemoryDatabase()));
+    const auto imported = ImportFromString(*store, bundle);
+    EXPECT_EQ(Value(Value(store->Read())->ListMaps()).size(), imported.ok() ? 1U : 0U);
+    num_taken += imported.ok() ? 1 : 0;
+    EXPECT_NE(imported.status().code(), StatusCode::kInternal) << imported.status();
+  }
+  EXPECT_GT(num_taken, 100) << "or it would never get to the writing";
 }
 
 TEST_F(BundleDamageTest, AnotherFormatIsNamedByNumber) {

@@ -75,7 +75,18 @@ const WrongCase kWrong[] = {
     {"PointFarAway", [](Records& r) { First<PointRecord>(r).position.x() = 1e12; }, "outside of the map's tiling"},
     {"Direction", [](Records& r) { First<PointRecord>(r).view_direction *= 2; }, "not of unit length"},
     {"Confidence", [](Records& r) { First<PointRecord>(r).confidence = 2; }, "its confidence is 2"},
-    {"FrameTwice", [](Records& r) { Double<BundleFrame>(r); }, "it has a frame twice"},
+    {"FrameTwice",
+     [](Records& r) {
+       std::vector<BundleFrame*> frames;
+       for (BundleRecord& record : r) {
+         if (auto* frame = std::get_if<BundleFrame>(&record)) frames.push_back(frame);
+       }
+       frames[1]->id = frames[0]->id;
+     },
+     "it has a frame twice"},
+    {"KeyframeTwice", [](Records& r) { Double<BundleFrame>(r); }, "keyframe 0 of session 1 twice"},
+    {"FrameOfUnaligned", [](Records& r) { First<SessionRecord>(r).T_map_session.reset(); },
+     "frame 1 is in the map, and its session has no place there"},
     {"Packet", [](Records& r) { First<BundleFrame>(r).packet = "MAPK and what else"; }, "frame 1: keyframe"},
     {"FrameOfNoSession",
      [](Records& r) {
