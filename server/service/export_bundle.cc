@@ -31,8 +31,7 @@ class NumberSet {
  private:
   void Tidy() {
     std::ranges::sort(numbers_);
-    const auto rest = std::ranges::unique(numbers_);
-    numbers_.erase(rest.begin(), rest.end());
+    numbers_.erase(std::unique(numbers_.begin(), numbers_.end()), numbers_.end());
   }
   std::vector<uint64_t> numbers_;
   size_t next_tidy_ = 4096;
