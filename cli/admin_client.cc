@@ -13,30 +13,7 @@
 namespace mapp {
 namespace {
 
-/// Any database is copied and checked by then.
-constexpr std::chrono::hours kWholeFileTimeout(24);
-
 Eigen::Vector3d ToVector(const v1::Point3& point) { return {point.x_m(), point.y_m(), point.z_m()}; }
-
-StatusOr<MapSummary> ToSummary(const v1::MapInfo& info) {
-  MapSummary map;
-  map.id = info.id();
-  map.name = info.name();
-  map.created_unix_ns = info.created_unix_ns();
-  map.revision = info.revision();
-  map.num_frames = info.num_frames();
-  map.num_points = info.num_points();
-  map.num_sessions = info.num_sessions();
-  map.tile_edge_m = info.tile_edge_m();
-  map.cone_range_m = info.cone_range_m();
-  map.scale_unknown = info.scale_unknown();
-  map.num_tiles = info.num_tiles();
-  if (info.has_feature_settings()) {
-    MAPP_ASSIGN_OR_RETURN(map.features, FromProto(info.feature_settings(), "feature_settings"));
-  }
-  if (info.has_bounds()) map.bounds = Aabb(ToVector(info.bounds().min()), ToVector(info.bounds().max()));
-  return map;
-}
 
 StatusOr<MapFrameSummary> ToSummary(const v1::ExportedFrame& exported) {
   MapFrameSummary frame;
@@ -68,6 +45,26 @@ std::vector<TagSummary> ToSummaries(const google::protobuf::RepeatedPtrField<v1:
 }
 
 }  // namespace
+
+StatusOr<MapSummary> AdminClient::Impl::ToMapSummary(const v1::MapInfo& info) {
+  MapSummary map;
+  map.id = info.id();
+  map.name = info.name();
+  map.created_unix_ns = info.created_unix_ns();
+  map.revision = info.revision();
+  map.num_frames = info.num_frames();
+  map.num_points = info.num_points();
+  map.num_sessions = info.num_sessions();
+  map.tile_edge_m = info.tile_edge_m();
+  map.cone_range_m = info.cone_range_m();
+  map.scale_unknown = info.scale_unknown();
+  map.num_tiles = info.num_tiles();
+  if (info.has_feature_settings()) {
+    MAPP_ASSIGN_OR_RETURN(map.features, FromProto(info.feature_settings(), "feature_settings"));
+  }
+  if (info.has_bounds()) map.bounds = Aabb(ToVector(info.bounds().min()), ToVector(info.bounds().max()));
+  return map;
+}
 
 AdminClient::AdminClient(const std::string& server) : impl_(std::make_unique<Impl>()) {
   grpc::ChannelArguments arguments;
@@ -104,7 +101,7 @@ StatusOr<std::vector<MapSummary>> AdminClient::ListMaps() {
                         impl_->Call(&v1::AdminService::Stub::ListMaps, {}, kCallTimeout));
   std::vector<MapSummary> maps;
   for (const v1::MapInfo& info : response.maps()) {
-    StatusOr<MapSummary> map = ToSummary(info);
+    StatusOr<MapSummary> map = Impl::ToMapSummary(info);
     if (!map.ok()) return BadAnswer(map.status());
     maps.push_back(*std::move(map));
   }
@@ -117,7 +114,7 @@ StatusOr<MapSummary> AdminClient::GetMap(const std::string& name, const std::str
   request.set_at(at);
   MAPP_ASSIGN_OR_RETURN(const v1::GetMapResponse response,
                         impl_->Call(&v1::AdminService::Stub::GetMap, request, kBulkCallTimeout));
-  StatusOr<MapSummary> map = ToSummary(response.map());
+  StatusOr<MapSummary> map = Impl::ToMapSummary(response.map());
   if (!map.ok()) return BadAnswer(map.status());
   return map;
 }
@@ -144,7 +141,7 @@ StatusOr<MapContent> AdminClient::ExportMap(const std::string& name, const std::
   v1::ExportMapResponse response;
   while (bad_answer.ok() && reader->Read(&response)) {
     if (response.has_map()) {
-      StatusOr<MapSummary> map = ToSummary(response.map());
+      StatusOr<MapSummary> map = Impl::ToMapSummary(response.map());
       if (!map.ok()) return BadAnswer(map.status());
       content.map = *std::move(map);
     }
@@ -283,11 +280,11 @@ StatusOr<MapOptimizationSummary> AdminClient::OptimizeMap(
   return *summary;
 }
 
-StatusOr<Backup> AdminClient::BackUp(const std::string& to, int num_kept, const BackupObserver& on_progress,
-                                     const std::stop_token& stop) {
+StatusOr<Backup> AdminClient::BackUp(const BackupOptions& options, const std::stop_token& stop) {
   v1::BackUpRequest request;
-  request.set_to(to);
-  request.set_num_kept(static_cast<uint32_t>(num_kept));
+  request.set_to(options.to);
+  request.set_num_kept(static_cast<uint32_t>(options.num_kept));
+  request.set_dry_run(options.dry_run);
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kWholeFileTimeout);
   const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
@@ -297,9 +294,10 @@ StatusOr<Backup> AdminClient::BackUp(const std::string& to, int num_kept, const 
   while (reader->Read(&response)) {
     if (response.has_progress()) {
       const v1::BackUpResponse::Progress& progress = response.progress();
-      on_progress({.checking = progress.checking(),
-                   .bytes_done = static_cast<int64_t>(progress.bytes_done()),
-                   .bytes_total = static_cast<int64_t>(progress.bytes_total())});
+      if (!options.on_progress) continue;
+      options.on_progress({.checking = progress.checking(),
+                           .bytes_done = static_cast<int64_t>(progress.bytes_done()),
+                           .bytes_total = static_cast<int64_t>(progress.bytes_total())});
     } else if (response.has_result()) {
       const v1::BackUpResponse::Result& result = response.result();
       backup = Backup{result.file(),

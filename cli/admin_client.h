@@ -1,5 +1,7 @@
 #pragma once
 
+#include "bundle/bundle_reader.h"
+#include "bundle/bundle_writer.h"
 #include "cli/map_info.h"
 #include "mapp/base/status.h"
 #include "storage/sqlite/backup.h"
@@ -52,12 +54,20 @@ class AdminClient {
   StatusOr<MapOptimizationSummary> OptimizeMap(const std::string& name,
                                                const std::function<void(const MapOptimizationStep&)>& on_progress,
                                                const std::stop_token& stop);
-  /// Has the server write a backup on its machine (BackupOptions). CANCELLED on a stop request.
-  StatusOr<Backup> BackUp(const std::string& to, int num_kept, const BackupObserver& on_progress,
-                          const std::stop_token& stop);
+  /// Has the server write a backup on its machine: of the options `to`, `num_kept`, `dry_run` and `on_progress`.
+  /// CANCELLED on a stop request.
+  StatusOr<Backup> BackUp(const BackupOptions& options, const std::stop_token& stop);
   /// Has the server look through its database. CANCELLED on a stop request.
   StatusOr<VerifyReport> Verify(const std::function<void(const VerifyProgress&)>& on_progress,
                                 const std::stop_token& stop);
+  /// Gives a bundle's bytes to `sink`. Only with OK has it its end. CANCELLED on a stop request.
+  Status ExportBundle(const std::string& name, const std::string& at, const ByteSink& sink,
+                      const std::function<void(const BundleExportStep&)>& on_progress, const std::stop_token& stop);
+  /// Sends a bundle, `num_bytes` long, for a map of this name; the bundle's own when it is empty. CANCELLED on a stop
+  /// request.
+  StatusOr<ImportSummary> ImportBundle(const std::string& name, const ByteSource& bundle, uint64_t num_bytes,
+                                       const std::function<void(const BundleImportStep&)>& on_progress,
+                                       const std::stop_token& stop);
 
  private:
   struct Impl;

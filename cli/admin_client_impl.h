@@ -15,6 +15,8 @@ namespace mapp {
 inline constexpr std::chrono::seconds kCallTimeout(10);
 /// Deleting and exporting touch everything a map holds.
 inline constexpr std::chrono::minutes kBulkCallTimeout(10);
+/// Any database is copied and checked by then.
+inline constexpr std::chrono::hours kWholeFileTimeout(24);
 
 /// A server's own answer that fails validation is not the caller's fault.
 inline Status BadAnswer(const Status& status) {
@@ -42,6 +44,8 @@ struct AdminClient::Impl {
     MAPP_RETURN_IF_ERROR(ToStatus((stub.get()->*method)(&context, request, &response)));
     return response;
   }
+
+  static StatusOr<MapSummary> ToMapSummary(const v1::MapInfo& info);
 };
 
 }  // namespace mapp

@@ -33,30 +33,33 @@ void ShowCopy(const BackupProgress& progress, ProgressBar& bar) {
              progress.checking ? std::string("checking the copy") : Megabytes(progress.bytes_done));
 }
 
-StatusOr<Backup> BackUpFromHere(const BackupCommandOptions& options, const BackupObserver& show,
-                                const std::stop_token& stop) {
+StatusOr<Backup> MakeBackup(const BackupCommandOptions& options, const BackupObserver& show,
+                            const std::stop_token& stop) {
   BackupOptions backup;
   backup.to = options.to;
   backup.num_kept = options.num_kept;
+  backup.dry_run = options.dry_run;
   backup.on_progress = show;
+  if (options.database.empty()) return AdminClient(options.server).BackUp(backup, stop);
   StatusOr<Backup> made = BackUpDatabase(UntilStopped(stop), options.database, backup);
   if (!made.ok()) return Annotate(made.status(), options.database);
   return made;
 }
 
-std::string FormatJson(const Backup& backup) {
+std::string FormatJson(const Backup& backup, bool dry_run) {
   JsonWriter json;
-  json.BeginObject().Field("file", backup.file).Field("num_bytes", backup.num_bytes);
+  json.BeginObject().Field("dry_run", dry_run).Field("file", backup.file).Field("num_bytes", backup.num_bytes);
   json.Field("schema_version", backup.schema_version).Key("deleted").BeginArray();
   for (const std::string& file : backup.deleted) json.Value(file);
   json.EndArray().EndObject();
   return std::move(json).Finish();
 }
 
-std::string FormatText(const Backup& backup) {
-  std::string text =
-      fmt::format("{}: {}, schema {}\n", backup.file, Megabytes(backup.num_bytes), backup.schema_version);
-  for (const std::string& file : backup.deleted) text += fmt::format("deleted {}\n", file);
+std::string FormatText(const Backup& backup, bool dry_run) {
+  std::string text = fmt::format("{}{}: {}, schema {}\n", dry_run ? "would write " : "", backup.file,
+                                 Megabytes(backup.num_bytes), backup.schema_version);
+  for (const std::string& file : backup.deleted)
+    text += fmt::format("{} {}\n", dry_run ? "would delete" : "deleted", file);
   return text;
 }
 
@@ -108,11 +111,10 @@ Status RunBackup(const BackupCommandOptions& options, const std::stop_token& sto
   StatusOr<Backup> made = [&] {
     ProgressBar bar("backup, %", 100);
     const auto show = [&bar](const BackupProgress& progress) { ShowCopy(progress, bar); };
-    if (!options.database.empty()) return BackUpFromHere(options, show, stop);
-    return AdminClient(options.server).BackUp(options.to, options.num_kept, show, stop);
+    return MakeBackup(options, show, stop);
   }();
   MAPP_RETURN_IF_ERROR(Explain(made.status(), stop, "interrupted: no backup was made"));
-  out << (options.json ? FormatJson(*made) : FormatText(*made));
+  out << (options.json ? FormatJson(*made, options.dry_run) : FormatText(*made, options.dry_run));
   return absl::OkStatus();
 }
 

@@ -15,9 +15,11 @@ struct BackupCommandOptions {
   std::string database;  ///< file to back up from here; empty: ask the server
   std::string to;        ///< BackupOptions::to; the server's machine's, when it writes
   int num_kept = 0;      ///< 0 = all
+  bool dry_run = false;
   bool json = false;
 };
-/// `mapp backup`. CANCELLED on a stop request; nothing is left then.
+/// `mapp backup`; with `dry_run` it only says what would be written and deleted. CANCELLED on a stop request; nothing
+/// is left then.
 Status RunBackup(const BackupCommandOptions& options, const std::stop_token& stop, std::ostream& out);
 
 struct RestoreCommandOptions {

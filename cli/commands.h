@@ -15,6 +15,9 @@ namespace mapp {
 /// What the chosen subcommand runs once all arguments are parsed.
 using Command = std::function<Status()>;
 
+/// The whole command line, parsed into `chosen`, which must outlive the parsing. `command_line`: as typed, for reports.
+void AddCommands(CLI::App& app, const std::string& command_line, Command& chosen);
+
 // Each adds a subcommand with its options to `app`; `chosen` must outlive the parsing, which sets it to what is to run.
 void AddReplay(CLI::App& app, Command& chosen);
 void AddMaps(CLI::App& app, Command& chosen);
@@ -37,6 +40,8 @@ void AddJson(CLI::App& command, bool& json);
 void AddAt(CLI::App& command, std::string& at);
 /// `mapp maps log`, `diff` and `tag`.
 void AddMapHistory(CLI::App& maps, Command& chosen);
+/// `mapp maps export` and `import`.
+void AddMapBundles(CLI::App& maps, Command& chosen);
 
 /// An option whose value is one of `choices`. `value` must outlive the parsing.
 template <typename T, size_t N>

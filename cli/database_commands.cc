@@ -30,6 +30,7 @@ void AddBackup(CLI::App& app, Command& chosen) {
   command->add_option("--keep", options->num_kept, "In the folder, delete older backups than this many of NAME")
       ->check(CLI::Range(1, 1'000'000))
       ->type_name("N");
+  command->add_flag("--dry-run", options->dry_run, "Only say what would be written, and what deleted");
   command->footer("Example: mapp backup --db /var/lib/mapp/maps.db --to /var/backups/mapp --keep 14");
   command->callback([options, &chosen] {
     chosen = [options]() -> Status {

@@ -5,6 +5,7 @@
 #include "cli/replay.h"
 #include "eval/experiments/experiment.h"
 #include "eval/harness/report_folder.h"
+#include "text/json_writer.h"
 
 #include <fmt/format.h>
 #include <fmt/ranges.h>
@@ -153,14 +154,23 @@ Status RunExperiments(const EvalOptions& options, const std::vector<Experiment>&
     result->name = experiment.name;
     result->title = experiment.title;
     result->duration_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
-    out << fmt::format("{:<16} {:7.1f} s\n", experiment.name, result->duration_s) << std::flush;
+    if (!options.json) out << fmt::format("{:<16} {:7.1f} s\n", experiment.name, result->duration_s) << std::flush;
     MAPP_RETURN_IF_ERROR(folder.Add(std::move(*result), stop));
   }
   return absl::OkStatus();
 }
 
-void TellReport(const std::string& folder_name, const ReportFolder& folder, std::ostream& out) {
-  out << (fs::path(folder_name) / "REPORT.md").string() << '\n';
+void TellReport(const EvalOptions& options, const ReportFolder& folder, std::ostream& out) {
+  const std::string report = (fs::path(options.out) / "REPORT.md").string();
+  if (options.json) {
+    JsonWriter json;
+    json.BeginObject().Field("report", report).Field("results", (fs::path(options.out) / "results.json").string());
+    const std::string& missing = folder.plots_missing();
+    json.Field("plots_missing", missing.empty() ? std::nullopt : std::optional(missing)).EndObject();
+    out << std::move(json).Finish();
+    return;
+  }
+  out << report << '\n';
   if (!folder.plots_missing().empty()) out << "no plots: " << folder.plots_missing() << '\n';
 }
 
@@ -183,14 +193,14 @@ Status RunEval(const EvalOptions& options, const std::stop_token& stop, std::ost
   const Status status = RunExperiments(options, experiments, stop, folder, out);
   RemoveIfMadeForNothing(options.out, was_there);
   MAPP_RETURN_IF_ERROR(status);
-  TellReport(options.out, folder, out);
+  TellReport(options, folder, out);
   return absl::OkStatus();
 }
 
-Status RunEvalReport(const std::string& folder_name, const std::stop_token& stop, std::ostream& out) {
-  MAPP_ASSIGN_OR_RETURN(ReportFolder folder, ReportFolder::OpenExisting(folder_name));
+Status RunEvalReport(const EvalOptions& options, const std::stop_token& stop, std::ostream& out) {
+  MAPP_ASSIGN_OR_RETURN(ReportFolder folder, ReportFolder::OpenExisting(options.out));
   MAPP_RETURN_IF_ERROR(folder.Write(stop));
-  TellReport(folder_name, folder, out);
+  TellReport(options, folder, out);
   return absl::OkStatus();
 }
 

@@ -20,6 +20,7 @@ struct EvalOptions {
   std::string recorded;              ///< folder of a recorded stereo sequence with ground truth; empty: none
   bool keep_work = false;            ///< databases, logs and reports of the runs stay in OUT/work
   std::string command;               ///< as typed, for the report
+  bool json = false;
 };
 
 /// Names and titles of the experiments, a line each.
@@ -30,7 +31,7 @@ std::string ListExperiments();
 /// Lab's and ReportFolder's.
 Status RunEval(const EvalOptions& options, const std::stop_token& stop, std::ostream& out);
 
-/// `mapp eval report`: writes CSV, plots and REPORT.md anew from the results.json of `folder`.
-Status RunEvalReport(const std::string& folder, const std::stop_token& stop, std::ostream& out);
+/// `mapp eval report`: writes CSV, plots and REPORT.md anew from the results.json of `options.out`.
+Status RunEvalReport(const EvalOptions& options, const std::stop_token& stop, std::ostream& out);
 
 }  // namespace mapp

@@ -5,6 +5,7 @@
 
 #include <iostream>
 #include <memory>
+#include <unistd.h>
 
 namespace mapp {
 
@@ -45,8 +46,12 @@ void AddMapHistory(CLI::App& maps, Command& chosen) {
   tag_command->add_flag("--remove", tag->remove, "Take the tag away; the revision stays")
       ->needs(tag_name)
       ->excludes(at);
+  tag_command->add_flag("--yes", tag->yes, "Do not ask before a tag is removed");
   tag_command->footer("Example: mapp maps tag garage before-repainting --at 4711");
-  tag_command->callback([tag, &chosen] { chosen = [tag] { return RunMapsTag(*tag, std::cout); }; });
+  tag_command->callback([tag, &chosen] {
+    tag->interactive = isatty(STDIN_FILENO) == 1;
+    chosen = [tag] { return RunMapsTag(*tag, std::cin, std::cout); };
+  });
 }
 
 }  // namespace mapp

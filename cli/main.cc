@@ -1,4 +1,4 @@
-// The `mapp` command line: parses arguments and dispatches; each subcommand has a file of its own.
+// The `mapp` command line: parses arguments and dispatches; commands.h has the subcommands.
 
 #include "cli/commands.h"
 
@@ -38,23 +38,9 @@ std::string JoinArguments(int argc, char** argv) {
 
 int Main(int argc, char** argv) {
   CLI::App app("Command line of Map++, a self-hosted service for shared visual maps", "mapp");
-  app.require_subcommand(1);
   app.set_version_flag("--version", MAPP_VERSION);
-  app.footer("Exit codes: 0 done, 1 failed, 2 wrong usage. MAPP_SERVER names the server when --server does not.");
   Command chosen;
-  AddReplay(app, chosen);
-  AddMaps(app, chosen);
-  AddSessions(app, chosen);
-  AddExport(app, chosen);
-  AddRender(app, chosen);
-  AddServerInfo(app, chosen);
-  AddBackup(app, chosen);
-  AddRestore(app, chosen);
-  AddCompact(app, chosen);
-  AddVerify(app, chosen);
-  AddRebuild(app, chosen);
-  AddSimulate(app, chosen);
-  AddEval(app, JoinArguments(argc, argv), chosen);
+  AddCommands(app, JoinArguments(argc, argv), chosen);
   try {
     app.parse(argc, argv);
   } catch (const CLI::Success& success) {

@@ -25,13 +25,16 @@ void AddAt(CLI::App& command, std::string& at) {
 }
 
 void AddMaps(CLI::App& app, Command& chosen) {
-  CLI::App* maps = app.add_subcommand("maps", "List, show, optimize and delete maps, and look into their past")
-                       ->require_subcommand(1);
+  CLI::App* maps =
+      app.add_subcommand("maps",
+                         "List, show, optimize and delete maps, look into their past, carry them to another server")
+          ->require_subcommand(1);
 
   auto list = std::make_shared<MapsListOptions>();
   CLI::App* list_command = maps->add_subcommand("list", "All maps of a server");
   AddServer(*list_command, list->server);
   AddJson(*list_command, list->json);
+  list_command->footer("Example: mapp maps list --server robots.local:7878");
   list_command->callback([list, &chosen] { chosen = [list] { return RunMapsList(*list, std::cout); }; });
 
   auto show = std::make_shared<MapsShowOptions>();
@@ -40,6 +43,7 @@ void AddMaps(CLI::App& app, Command& chosen) {
   AddJson(*show_command, show->json);
   AddAt(*show_command, show->at);
   show_command->add_option("name", show->name, "Name of the map")->required()->type_name("MAP");
+  show_command->footer("Example: mapp maps show garage --at before-repainting");
   show_command->callback([show, &chosen] { chosen = [show] { return RunMapsShow(*show, std::cout); }; });
 
   auto optimize = std::make_shared<MapsOptimizeOptions>();
@@ -47,6 +51,7 @@ void AddMaps(CLI::App& app, Command& chosen) {
   AddServer(*optimize_command, optimize->server);
   AddJson(*optimize_command, optimize->json);
   optimize_command->add_option("name", optimize->name, "Name of the map")->required()->type_name("MAP");
+  optimize_command->footer("Ctrl-C ends it after the last finished round.\nExample: mapp maps optimize garage");
   optimize_command->callback([optimize, &chosen] {
     chosen = [optimize]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
@@ -61,12 +66,14 @@ void AddMaps(CLI::App& app, Command& chosen) {
   delete_command->add_flag("--yes", remove->yes, "Do not ask");
   delete_command->add_flag("--force", remove->force, "Also when sessions are open");
   delete_command->add_option("name", remove->name, "Name of the map")->required()->type_name("MAP");
+  delete_command->footer("Example: mapp maps delete garage");
   delete_command->callback([remove, &chosen] {
     remove->interactive = isatty(STDIN_FILENO) == 1;
     chosen = [remove] { return RunMapsDelete(*remove, std::cin, std::cout); };
   });
 
   AddMapHistory(*maps, chosen);
+  AddMapBundles(*maps, chosen);
 }
 
 void AddSessions(CLI::App& app, Command& chosen) {
@@ -77,6 +84,7 @@ void AddSessions(CLI::App& app, Command& chosen) {
   AddServer(*command, list->server);
   AddJson(*command, list->json);
   command->add_option("--map", list->map_name, "Only of this map");
+  command->footer("Example: mapp sessions list --map garage");
   command->callback([list, &chosen] { chosen = [list] { return RunSessionsList(*list, std::cout); }; });
 
   auto show = std::make_shared<SessionsShowOptions>();
@@ -84,6 +92,7 @@ void AddSessions(CLI::App& app, Command& chosen) {
   AddServer(*show_command, show->server);
   AddJson(*show_command, show->json);
   show_command->add_option("id", show->id, "Number of the session")->required()->type_name("SESSION");
+  show_command->footer("Example: mapp sessions show 17");
   show_command->callback([show, &chosen] { chosen = [show] { return RunSessionsShow(*show, std::cout); }; });
 
   auto revert = std::make_shared<SessionsRevertOptions>();
@@ -123,6 +132,7 @@ void AddSessions(CLI::App& app, Command& chosen) {
   AddJson(*release_command, release->json);
   release_command->add_flag("--yes", release->yes, "Do not ask");
   release_command->add_option("id", release->id, "Number of the session")->required()->type_name("SESSION");
+  release_command->footer("Example: mapp sessions release 17");
   release_command->callback([release, &chosen] {
     release->interactive = isatty(STDIN_FILENO) == 1;
     chosen = [release] { return RunSessionsRelease(*release, std::cin, std::cout); };
@@ -144,6 +154,9 @@ void AddExport(CLI::App& app, Command& chosen) {
   command->add_option("--out", options->out, "PLY: the file, - for standard output. TUM: a folder")
       ->required()
       ->type_name("PATH");
+  command->footer(
+      "All of a map for another server: mapp maps export.\n"
+      "Example: mapp export --map garage --format ply --out garage.ply");
   command->callback([options, &chosen] { chosen = [options] { return RunExport(*options, std::cout); }; });
 }
 
@@ -163,6 +176,7 @@ void AddRender(CLI::App& app, Command& chosen) {
   command->add_option("--height", options->image.height_px, "Height of the picture, pixels, 300 to 16384")
       ->check(CLI::Range(300, 16384))
       ->capture_default_str();
+  command->footer("Example: mapp render --map garage --out garage.png --width 1600");
   command->callback([options, &chosen] { chosen = [options] { return RunRender(*options, std::cout); }; });
 }
 
@@ -172,6 +186,7 @@ void AddServerInfo(CLI::App& app, Command& chosen) {
       "server-info", "Version of a server, what it has used, and how long its methods and steps take");
   AddServer(*command, options->server);
   AddJson(*command, options->json);
+  command->footer("Example: mapp server-info --json");
   command->callback([options, &chosen] { chosen = [options] { return RunServerInfo(*options, std::cout); }; });
 }
 

@@ -1,10 +1,13 @@
 #include "cli/map_history.h"
 
 #include "cli/admin_client.h"
+#include "cli/confirm.h"
 #include "cli/text_table.h"
 #include "text/json_writer.h"
 
 #include <fmt/format.h>
+
+#include <algorithm>
 
 namespace mapp {
 namespace {
@@ -117,6 +120,21 @@ Status ListTags(const MapsTagOptions& options, std::ostream& out) {
   return absl::OkStatus();
 }
 
+Status ConfirmRemoval(const MapsTagOptions& options, AdminClient& client, std::istream& in, std::ostream& out) {
+  MAPP_ASSIGN_OR_RETURN(const std::vector<TagSummary> tags, client.ListTags(options.name));
+  const auto tag = std::ranges::find(tags, options.tag, &TagSummary::name);
+  if (tag == tags.end()) {
+    return absl::NotFoundError(fmt::format("map \"{}\" has no tag \"{}\"", options.name, options.tag));
+  }
+  const Question question{.text = fmt::format("Remove tag {} of revision {}? mapp compact may drop that revision then.",
+                                              tag->name, tag->revision),
+                          .doing = "removing a tag",
+                          .not_done = "no tag was removed",
+                          .yes = options.yes,
+                          .interactive = options.interactive};
+  return Confirm(question, in, out);
+}
+
 }  // namespace
 
 Status RunMapsLog(const MapsLogOptions& options, std::ostream& out) {
@@ -133,11 +151,12 @@ Status RunMapsDiff(const MapsDiffOptions& options, std::ostream& out) {
   return absl::OkStatus();
 }
 
-Status RunMapsTag(const MapsTagOptions& options, std::ostream& out) {
+Status RunMapsTag(const MapsTagOptions& options, std::istream& in, std::ostream& out) {
   if (options.tag.empty()) return ListTags(options, out);
   AdminClient client(options.server);
   uint64_t revision = 0;
   if (options.remove) {
+    MAPP_RETURN_IF_ERROR(ConfirmRemoval(options, client, in, out));
     MAPP_RETURN_IF_ERROR(client.DeleteTag(options.name, options.tag));
   } else {
     MAPP_ASSIGN_OR_RETURN(revision, client.PutTag(options.name, options.tag, options.at));

@@ -3,6 +3,7 @@
 #include "mapp/base/status.h"
 
 #include <cstdint>
+#include <istream>
 #include <ostream>
 #include <string>
 
@@ -32,9 +33,12 @@ struct MapsTagOptions {
   std::string tag;  ///< empty: list the tags
   std::string at;   ///< revision or tag; empty: now
   bool remove = false;
+  bool yes = false;          ///< do not ask before it is removed
+  bool interactive = false;  ///< a person can answer on `in`
   bool json = false;
 };
-/// `mapp maps tag`. INVALID_ARGUMENT: the tag is a number; else as RunMapsDiff.
-Status RunMapsTag(const MapsTagOptions& options, std::ostream& out);
+/// `mapp maps tag`. Asks on `in` before it removes a tag; FAILED_PRECONDITION when nobody can answer and `yes` is not
+/// set; CANCELLED when the answer is not yes. INVALID_ARGUMENT: the tag is a number; else as RunMapsDiff.
+Status RunMapsTag(const MapsTagOptions& options, std::istream& in, std::ostream& out);
 
 }  // namespace mapp

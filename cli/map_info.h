@@ -114,6 +114,24 @@ struct MapDiffSummary {
   std::vector<SessionDiffSummary> sessions;
 };
 
+/// How far the export of a bundle is.
+struct BundleExportStep {
+  uint64_t frames_done = 0, frames_total = 0;
+  uint64_t num_bytes = 0;  ///< received
+};
+
+/// How far the import of a bundle is.
+struct BundleImportStep {
+  enum class Phase { kSending, kChecking, kWriting };
+  Phase phase = Phase::kSending;
+  uint64_t bytes_done = 0, bytes_total = 0;
+};
+
+struct ImportSummary {
+  MapSummary map;
+  uint64_t num_frames = 0, num_points = 0;  ///< fragments and what is kept out of the map counted
+};
+
 /// What of a map's history is to stay.
 struct CompactionOrder {
   std::string map_name;

@@ -55,7 +55,9 @@ Figures, as in the JSON:
                           alignment for all of them
   ate_uncorrected_m, ate_joint_uncorrected_m
                           the same without what the server has corrected since the
-                          keyframes were sent: as the device knew its way)";
+                          keyframes were sent: as the device knew its way
+
+Example: mapp replay --map garage --device car sim:garage:users=2,path=60/0)";
 
 constexpr std::array kRateChoices = {Choice<ReplayRate>{"max", ReplayRate::kMax},
                                      Choice<ReplayRate>{"real", ReplayRate::kReal}};

@@ -27,6 +27,7 @@ void AddSimulateRoom(CLI::App& simulate, Command& chosen) {
       ->capture_default_str();
   command->add_option("--seed", options->room.seed, "Which room")->capture_default_str();
   AddJson(*command, options->json);
+  command->footer("Example: mapp simulate room --session 1 --out room-1");
   command->callback([options, &chosen] {
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
@@ -76,6 +77,7 @@ void AddSimulateWorld(CLI::App& simulate, const std::string& setting, Command& c
   command->add_option("--textures", world.textures_folder, "Photographs that paper the walls")->type_name("DIR");
   AddImageOptions(*command, options);
   AddJson(*command, options->json);
+  command->footer(fmt::format("Example: mapp simulate {0} --users 2 --path 60 --out {0}", setting));
   command->callback([options, &chosen] {
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
@@ -100,7 +102,8 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
       app.add_subcommand("eval", "Measure this system the way the paper does, against servers of its own");
   command->footer("Experiments:\n" + ListExperiments() +
                   "  all             every one of them\n"
-                  "  report          write CSV, plots and REPORT.md of OUT anew from its results.json");
+                  "  report          write CSV, plots and REPORT.md of OUT anew from its results.json\n"
+                  "Example: mapp eval all --quick --out report");
   command->add_option("experiment", options->experiments, "Experiments of those below, all, or report")
       ->required()
       ->type_name("EXPERIMENT");
@@ -124,12 +127,13 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
       ->add_option("--recorded", options->recorded,
                    "Recorded stereo sequence with ground truth, for adapter; without it, all leaves that out")
       ->type_name("FOLDER");
+  AddJson(*command, options->json);
   command->add_flag("--keep-work", options->keep_work, "Keep databases, logs and reports of the runs in OUT/work");
   command->callback([options, &chosen] {
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());
       if (options->experiments == std::vector<std::string>{"report"})
-        return RunEvalReport(options->out, watcher->token(), std::cout);
+        return RunEvalReport(*options, watcher->token(), std::cout);
       return RunEval(*options, watcher->token(), std::cout);
     };
   });

@@ -17,8 +17,7 @@ class BackupFolder {
 
   /// BackUpDatabase of the server's database. INVALID_ARGUMENT: `to` is not absolute, or lies outside of the folder,
   /// symbolic links followed.
-  StatusOr<Backup> BackUp(const CallContext& context, const std::string& to, uint32_t num_kept,
-                          const BackupObserver& on_progress) const;
+  StatusOr<Backup> BackUp(const CallContext& context, BackupOptions options) const;
 
  private:
   const std::string database_;

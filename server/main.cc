@@ -127,11 +127,12 @@ RpcServerOptions RpcOptions(const ServerConfig& config, const MapServiceOptions&
   options.observer = observer;
   if (!config.backup_folder.empty()) {
     const BackupFolder folder(config.database_file, config.backup_folder);
-    options.back_up = [folder](const CallContext& context, const std::string& to, uint32_t num_kept,
-                               const BackupObserver& on_progress) {
-      return folder.BackUp(context, to, num_kept, on_progress);
+    options.back_up = [folder](const CallContext& context, const BackupOptions& backup) {
+      return folder.BackUp(context, backup);
     };
   }
+  const std::filesystem::path database(config.database_file);
+  options.spool_folder = database.has_parent_path() ? database.parent_path().string() : ".";
   options.verify = [file = config.database_file](const CallContext& context,
                                                  const std::function<void(const VerifyProgress&)>& on_progress) {
     VerifyOptions verify;

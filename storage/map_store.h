@@ -73,7 +73,7 @@ class MapReader {
 class MapWriter : public MapReader {
  public:
   /// ALREADY_EXISTS when the name is taken; INVALID_ARGUMENT for a tile edge, range or feature settings that cannot be.
-  /// Id, revision 0 and created_ns are set by the store.
+  /// Id and revision 0 are set by the store, and created_ns when it is 0.
   virtual StatusOr<MapId> CreateMap(const MapRecord& map) = 0;
   /// Deletes the map with its sessions, log, frames, points and tiles.
   virtual Status DeleteMap(MapId map) = 0;
@@ -83,7 +83,7 @@ class MapWriter : public MapReader {
   /// The next map, session and frame get these ids or greater ones; those of a default id as they come.
   virtual Status SkipIds(MapId map, SessionId session, FrameId frame) = 0;
   virtual StatusOr<CameraId> InsertCamera(const Camera& camera) = 0;
-  /// Id and opened_ns are set by the store.
+  /// Id is set by the store, and opened_ns when it is 0.
   virtual StatusOr<SessionId> InsertSession(const SessionRecord& session) = 0;
   /// Writes closed_ns, T_map_session with its scale, aligned_at_keyframe, optimized and quarantine of the session.
   /// INVALID_ARGUMENT: a pose that is not finite, a scale that is not positive.

@@ -141,7 +141,8 @@ enum class RevisionCause : uint8_t {
   kReversion = 8,    ///< a session's whole contribution was taken out on command
   kReturn = 9,       ///< what had been taken out or left out of a session has entered the map
   kErasure = 10,     ///< a session was forgotten
-  kLast = kErasure,  ///< storage/sqlite/verify_catalog.cc knows it as a number
+  kImport = 11,      ///< all of the map came from a bundle
+  kLast = kImport,  ///< storage/sqlite/verify_catalog.cc knows it as a number
 };
 
 struct RevisionRecord {

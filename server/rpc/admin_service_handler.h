@@ -20,9 +20,8 @@ struct ServerFacts {
   int64_t started_unix_ns = 0;
 };
 
-/// Writes a backup to `to`, a file or folder on this machine, and keeps `num_kept` there (0 = all).
-using BackUpFunction = std::function<StatusOr<Backup>(const CallContext&, const std::string& to, uint32_t num_kept,
-                                                      const BackupObserver& on_progress)>;
+/// BackUpDatabase of the server's database, to a file or folder on this machine.
+using BackUpFunction = std::function<StatusOr<Backup>(const CallContext&, const BackupOptions&)>;
 
 /// VerifyDatabase of the server's database.
 using VerifyFunction = std::function<StatusOr<VerifyReport>(
@@ -32,9 +31,15 @@ using VerifyFunction = std::function<StatusOr<VerifyReport>(
 class AdminServiceHandler final : public v1::AdminService::Service {
  public:
   /// Service and runner must outlive the handler. Without `back_up` BackUp is refused, without `verify` VerifyDatabase.
+  /// `spool_folder` takes bundles while they arrive.
   AdminServiceHandler(MapService& service, CallRunner& runner, const ServerFacts& facts, BackUpFunction back_up,
-                      VerifyFunction verify)
-      : service_(service), runner_(runner), facts_(facts), back_up_(std::move(back_up)), verify_(std::move(verify)) {}
+                      VerifyFunction verify, std::string spool_folder)
+      : service_(service),
+        runner_(runner),
+        facts_(facts),
+        back_up_(std::move(back_up)),
+        verify_(std::move(verify)),
+        spool_folder_(std::move(spool_folder)) {}
 
   grpc::Status GetServerInfo(grpc::ServerContext* context, const v1::GetServerInfoRequest* request,
                              v1::GetServerInfoResponse* response) override;
@@ -72,6 +77,11 @@ class AdminServiceHandler final : public v1::AdminService::Service {
                          v1::DeleteTagResponse* response) override;
   grpc::Status CompactMap(grpc::ServerContext* context, const v1::CompactMapRequest* request,
                           grpc::ServerWriter<v1::CompactMapResponse>* writer) override;
+  grpc::Status ExportBundle(grpc::ServerContext* context, const v1::ExportBundleRequest* request,
+                            grpc::ServerWriter<v1::ExportBundleResponse>* writer) override;
+  grpc::Status ImportBundle(
+      grpc::ServerContext* context,
+      grpc::ServerReaderWriter<v1::ImportBundleResponse, v1::ImportBundleRequest>* stream) override;
 
  private:
   MapService& service_;
@@ -79,6 +89,7 @@ class AdminServiceHandler final : public v1::AdminService::Service {
   const ServerFacts facts_;
   const BackUpFunction back_up_;
   const VerifyFunction verify_;
+  const std::string spool_folder_;
   std::atomic<bool> verifying_ = false;
 };
 

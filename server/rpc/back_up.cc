@@ -1,7 +1,12 @@
 #include "server/rpc/admin_service_handler.h"
 
+#include <algorithm>
+
 namespace mapp {
 namespace {
+
+/// More backups than anybody keeps, and a number that fits.
+constexpr uint32_t kMaxNumKept = 1'000'000;
 
 /// A message for every percent, not for every step of a large database.
 class ProgressFilter {
@@ -43,7 +48,12 @@ grpc::Status AdminServiceHandler::BackUp(grpc::ServerContext* context, const v1:
       out.set_bytes_total(static_cast<uint64_t>(progress.bytes_total));
       send(message);  // a caller that is gone cancels call.context
     };
-    MAPP_ASSIGN_OR_RETURN(const Backup backup, back_up_(call.context, request->to(), request->num_kept(), tell));
+    BackupOptions options;
+    options.to = request->to();
+    options.num_kept = static_cast<int>(std::min(request->num_kept(), kMaxNumKept));
+    options.dry_run = request->dry_run();
+    options.on_progress = tell;
+    MAPP_ASSIGN_OR_RETURN(const Backup backup, back_up_(call.context, options));
     v1::BackUpResponse message;
     v1::BackUpResponse::Result& result = *message.mutable_result();
     result.set_file(backup.file);

@@ -95,7 +95,8 @@ grpc::Status CallRunner::Run(const char* method, grpc::ServerContext& context, u
     status = absl::InternalError(fmt::format("internal error in request {}", call.context.request_id));
   }
   AttachErrorDetail(status, context);
-  Finished(method, status, call.context.request_id, context.peer(), begin, bytes_in, call.streamed_bytes);
+  Finished(method, status, call.context.request_id, context.peer(), begin, bytes_in + call.received_bytes,
+           call.streamed_bytes);
   return ToGrpcStatus(status);
 }
 

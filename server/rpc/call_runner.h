@@ -21,6 +21,8 @@ struct Call {
   CallContext context;
   /// Serialised size of the messages streamed back; unary answers are counted by the runner.
   uint64_t streamed_bytes = 0;
+  /// The same of those that a client streams.
+  uint64_t received_bytes = 0;
 };
 
 struct CallRunnerOptions {
@@ -51,6 +53,12 @@ class CallRunner {
   grpc::Status Stream(const char* method, grpc::ServerContext& context, const Request& request,
                       const std::function<Status(Call&)>& handle) {
     return Run(method, context, request.ByteSizeLong(), options_.default_stream_deadline, handle);
+  }
+
+  /// As Stream, for a call in which the client streams, too; `handle` adds what it receives to Call::received_bytes.
+  grpc::Status StreamBoth(const char* method, grpc::ServerContext& context,
+                          const std::function<Status(Call&)>& handle) {
+    return Run(method, context, 0, options_.default_stream_deadline, handle);
   }
 
   /// The caller's request id, or a new one.

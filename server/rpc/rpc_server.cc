@@ -32,7 +32,7 @@ struct RpcServer::Impl {
       : recorder(options.observer),
         runner(options.calls, recorder),
         map_handler(service, runner, watchers, options.max_keyframe_bytes),
-        admin_handler(service, runner, options.facts, options.back_up, options.verify) {}
+        admin_handler(service, runner, options.facts, options.back_up, options.verify, options.spool_folder) {}
 
   CallRecorder recorder;
   CallRunner runner;

@@ -21,8 +21,10 @@ struct RpcServerOptions {
   int max_message_bytes = 1 << 20;
   CallRunnerOptions calls;
   ServerFacts facts;
-  BackUpFunction back_up;            ///< empty: the server writes none
-  VerifyFunction verify;             ///< empty: it cannot be asked to
+  BackUpFunction back_up;  ///< empty: the server writes none
+  VerifyFunction verify;   ///< empty: it cannot be asked to
+  /// Takes bundles while they arrive: one has about the size of its map.
+  std::string spool_folder = "/tmp";
   CallObserver* observer = nullptr;  ///< may be null; else must outlive the server
 };
 

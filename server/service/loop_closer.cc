@@ -1,5 +1,6 @@
 #include "server/service/loop_closer.h"
 
+#include "server/service/alignment_consensus.h"
 #include "server/service/loop_correction.h"
 #include "server/service/placement_check.h"
 #include "server/service/session_view.h"

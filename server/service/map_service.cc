@@ -4,6 +4,7 @@
 #include "mapp/base/unix_time.h"
 #include "mapp/codec/keyframe_codec.h"
 #include "server/service/map_service_impl.h"
+#include "server/service/map_settings.h"
 #include "server/service/session_view.h"
 
 #include <fmt/format.h>
@@ -15,24 +16,8 @@
 namespace mapp {
 namespace {
 
-constexpr size_t kMaxNameLength = 128;
 constexpr size_t kMaxReportedKeyframes = 8;
 constexpr double kMaxOversharing = 4;
-
-/// 1 to 128 characters of UTF-8, none of them a control character.
-Status ValidateName(const std::string& name, const std::string& field) {
-  const auto starts_character = [](char c) { return (static_cast<unsigned char>(c) & 0xC0U) != 0x80U; };
-  const auto length = static_cast<size_t>(std::count_if(name.begin(), name.end(), starts_character));
-  if (length == 0 || length > kMaxNameLength) {
-    return absl::InvalidArgumentError(
-        fmt::format("{}: must have 1 to {} characters, has {}", field, kMaxNameLength, length));
-  }
-  const auto is_control = [](char c) { return static_cast<unsigned char>(c) < 0x20 || c == 0x7F; };
-  if (std::any_of(name.begin(), name.end(), is_control)) {
-    return absl::InvalidArgumentError(fmt::format("{}: must not have control characters", field));
-  }
-  return absl::OkStatus();
-}
 
 Status Validate(const OpenSessionInput& input) {
   MAPP_RETURN_IF_ERROR(ValidateName(input.map_name, "map_name"));
@@ -53,16 +38,6 @@ Status CheckFeatures(const FeatureSettings& features, const MapRecord& map) {
       "feature_settings.{}: the map \"{}\" was made with {}, this session has {}; use the map's settings or "
       "another map",
       difference->field, map.name, difference->a, difference->b));
-}
-
-/// Alignment, association and optimisation take octaves for powers of this scale: a map of another would be wrong.
-Status CheckScaleIsComputedWith(const FeatureSettings& features) {
-  FeatureSettings computed_with = features;
-  computed_with.scale_factor = kPyramidScale;
-  const std::optional<FeatureSettingsDifference> difference = FirstDifference(computed_with, features);
-  if (!difference) return absl::OkStatus();
-  return absl::InvalidArgumentError(fmt::format("feature_settings.{}: this server makes maps of {} only, got {}",
-                                                difference->field, difference->a, difference->b));
 }
 
 StatusOr<MapRecord> FindOrCreateMap(MapWriter& writer, const OpenSessionInput& input) {

@@ -5,6 +5,7 @@
 #include "mapp/codec/query_codec.h"
 #include "mapp/view/view_cone.h"
 #include "server/service/compaction.h"
+#include "server/service/map_bundle.h"
 #include "server/service/map_history.h"
 #include "server/service/optimizer.h"
 #include "server/service/registrar.h"
@@ -107,6 +108,15 @@ class MapService {
   /// CompactMap (compaction.h) of this service's store, now.
   StatusOr<Compaction> CompactMap(const CallContext& context, const CompactionRequest& request,
                                   const CompactionObserver& on_progress);
+
+  /// ExportBundle (map_bundle.h) from one snapshot: now, or as it was. Errors as GetMap.
+  Status ExportBundle(const CallContext& context, const std::string& name, const std::string& at, ByteSink sink,
+                      const BundleExportObserver& on_progress);
+  /// What ImportBundle would say of the name now: before somebody sends a bundle for nothing.
+  Status CheckNameIsFree(const std::string& name);
+  /// ImportBundle (map_bundle.h) to this service's store; the map is served when it returns.
+  StatusOr<ImportedMap> ImportBundle(const CallContext& context, BundleFile& bundle, const std::string& name,
+                                     const BundleImportObserver& on_progress);
 
   /// Since the service was created.
   std::vector<StepFigures> StepTimesSoFar() const;

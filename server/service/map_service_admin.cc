@@ -111,6 +111,27 @@ StatusOr<Compaction> MapService::CompactMap(const CallContext& context, const Co
   return mapp::CompactMap(impl_->store, context, request, UnixNowNs(), on_progress);
 }
 
+Status MapService::ExportBundle(const CallContext& context, const std::string& name, const std::string& at,
+                                ByteSink sink, const BundleExportObserver& on_progress) {
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, ReadMapAt(impl_->store, name, at));
+  MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader->FindMap(name));
+  return mapp::ExportBundle(context, *reader, map, UnixNowNs(), std::move(sink), on_progress);
+}
+
+Status MapService::CheckNameIsFree(const std::string& name) {
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, impl_->store.Read());
+  return mapp::CheckNameIsFree(*reader, name);
+}
+
+StatusOr<ImportedMap> MapService::ImportBundle(const CallContext& context, BundleFile& bundle, const std::string& name,
+                                               const BundleImportObserver& on_progress) {
+  StatusOr<ImportedMap> imported = mapp::ImportBundle(context, impl_->store, bundle, name, on_progress);
+  if (!imported.ok()) return imported;
+  impl_->registrar.OnMapImported(imported->map.id);
+  for (const SessionId session : imported->owed) impl_->registrar.OnSessionClosed(imported->map.id, session);
+  return imported;
+}
+
 std::vector<StepFigures> MapService::StepTimesSoFar() const { return impl_->step_times.Snapshot(); }
 
 }  // namespace mapp

@@ -37,7 +37,7 @@ constexpr size_t kMaxRecalled = 2;
 constexpr size_t kNeighborsAsked = 2;
 
 struct Task {
-  enum class Kind { kFrame, kCheckedFrame, kClosed, kMapGone, kQuarantined, kReleased, kAlone };
+  enum class Kind { kFrame, kCheckedFrame, kClosed, kMapCame, kMapGone, kQuarantined, kReleased, kAlone };
   Kind kind = Kind::kFrame;
   MapId map;
   SessionId session;
@@ -92,6 +92,7 @@ struct Registrar::Impl {
   void QueueClosed(MapId map, SessionId session);
   void ForgetQuarantined(const Task& task);
   Status TakeUpReleased(const Task& task);
+  Status TakeUpMap(MapId map);
   Status TryAgain(MapReader& reader, const FrameView& view, MapState& state);
   /// Where a loop is closed, what was said of the map as it was is forgotten.
   Status CloseLoops(MapReader& reader, const FrameRecord& frame, MapState& state);
@@ -330,6 +331,13 @@ Status Registrar::Impl::TakeUpReleased(const Task& task) {
   return absl::OkStatus();
 }
 
+Status Registrar::Impl::TakeUpMap(MapId map) {
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
+  MAPP_ASSIGN_OR_RETURN(MapState* const state, StateOf(*reader, map));
+  state->places.Store();
+  return absl::OkStatus();
+}
+
 Status Registrar::Impl::CloseLoops(MapReader& reader, const FrameRecord& frame, MapState& state) {
   CallContext context;
   context.is_cancelled = [this] { return stopping.load(); };
@@ -374,6 +382,9 @@ void Registrar::Impl::Run(const Task& task) {
       ForgetClosed(task);
       if (options.on_optimization_due) options.on_optimization_due(task.session);
       return;
+    case Task::Kind::kMapCame:
+      status = TakeUpMap(task.map);
+      break;
     case Task::Kind::kMapGone:
       maps.erase(task.map);
       refiner.ForgetAll();
@@ -414,6 +425,10 @@ void Registrar::OnKeyframeStored(MapId map, SessionId session, FrameId frame, bo
 }
 
 void Registrar::OnSessionClosed(MapId map, SessionId session) { impl_->QueueClosed(map, session); }
+
+void Registrar::OnMapImported(MapId map) {
+  impl_->worker.Push({.kind = Task::Kind::kMapCame, .map = map, .session = {}, .frame = {}, .retired = {}});
+}
 
 void Registrar::OnMapDeleted(MapId map) {
   impl_->worker.Push({.kind = Task::Kind::kMapGone, .map = map, .session = {}, .frame = {}, .retired = {}});

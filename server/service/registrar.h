@@ -83,6 +83,8 @@ class Registrar {
   Status RunAlone(MapId map, const std::function<Status()>& work);
   /// Waits until all that it was told of has been looked at, with what follows from it.
   void WaitUntilIdle();
+  /// Makes the index of a map that came as a whole, before its first keyframe needs it.
+  void OnMapImported(MapId map);
   /// Forgets the map's index.
   void OnMapDeleted(MapId map);
   /// Ends the thread after the work in hand; what still waits is taken up again after the next start. Idempotent.

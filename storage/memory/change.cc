@@ -64,7 +64,7 @@ StatusOr<MapId> Change::CreateMap(const MapRecord& map) {
   MapState state;
   state.record.id = id;
   state.record.name = map.name;
-  state.record.created_ns = now_ns_;
+  state.record.created_ns = map.created_ns != 0 ? map.created_ns : now_ns_;
   state.record.tile_edge_m = map.tile_edge_m;
   state.record.cone_range_m = map.cone_range_m;
   state.record.features = map.features;
@@ -131,7 +131,7 @@ StatusOr<SessionId> Change::InsertSession(const SessionRecord& session) {
   inserted.device = session.device;
   inserted.camera = session.camera;
   inserted.sensor = session.sensor;
-  inserted.opened_ns = now_ns_;
+  inserted.opened_ns = session.opened_ns != 0 ? session.opened_ns : now_ns_;
   CopyState(session, &inserted);
   MapState& map = *Edit(session.map).state;
   map.sessions.Set(inserted.id, inserted);

@@ -76,9 +76,9 @@ StatusOr<std::string> ChooseTarget(const std::string& database, const BackupOpti
   return to.string();
 }
 
-/// Deletes all but the newest `num_kept` backups of the folder, of which `made` is one whatever the clock says.
-StatusOr<std::vector<std::string>> DeleteOldBackups(const fs::path& folder, const std::string& name,
-                                                    const std::string& made, int num_kept) {
+/// All but the newest `num_kept` backups of the folder, of which `made` is one whatever the clock says. Oldest first.
+StatusOr<std::vector<std::string>> OldBackups(const fs::path& folder, const std::string& name, const std::string& made,
+                                              int num_kept) {
   std::vector<std::string> others;
   std::error_code error;
   for (fs::directory_iterator entry(folder, error), end; !error && entry != end; entry.increment(error)) {
@@ -91,11 +91,16 @@ StatusOr<std::vector<std::string>> DeleteOldBackups(const fs::path& folder, cons
   std::sort(others.begin(), others.end());
   const size_t num_others_kept = static_cast<size_t>(num_kept - 1);
   others.resize(others.size() - std::min(others.size(), num_others_kept));
-  for (const std::string& file : others) {
+  return others;
+}
+
+Status Delete(const std::vector<std::string>& files) {
+  std::error_code error;
+  for (const std::string& file : files) {
     fs::remove(file, error);
     if (error) return absl::FailedPreconditionError(fmt::format("{}: {}", file, error.message()));
   }
-  return others;
+  return absl::OkStatus();
 }
 
 StatusOr<Backup> BackUp(const CallContext& context, const std::string& database, const BackupOptions& options) {
@@ -111,6 +116,16 @@ StatusOr<Backup> BackUp(const CallContext& context, const std::string& database,
   if (fs::exists(fs::symlink_status(backup.file, error))) {
     return absl::AlreadyExistsError(fmt::format("{} is there already", backup.file));
   }
+  const auto old_backups = [&]() -> StatusOr<std::vector<std::string>> {
+    if (options.num_kept == 0) return std::vector<std::string>();
+    return OldBackups(rotated, fs::path(file).stem().string(), backup.file, options.num_kept);
+  };
+  if (options.dry_run) {
+    backup.num_bytes = static_cast<int64_t>(fs::file_size(file, error));
+    if (error) return absl::FailedPreconditionError(error.message());
+    MAPP_ASSIGN_OR_RETURN(backup.deleted, old_backups());
+    return backup;
+  }
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<StagedFile> copy, StagedFile::Create(backup.file));
   MAPP_RETURN_IF_ERROR(copy->TakePermissions(file));
   MAPP_ASSIGN_OR_RETURN(backup.num_bytes, CopyDatabase(context, *source, *copy,
@@ -118,13 +133,12 @@ StatusOr<Backup> BackUp(const CallContext& context, const std::string& database,
                                                         .max_pages = options.max_pages,
                                                         .on_progress = options.on_progress}));
   MAPP_RETURN_IF_ERROR(copy->Commit(StagedFile::Existing::kRefuse));
-  if (options.num_kept > 0) {
-    auto deleted = DeleteOldBackups(rotated, fs::path(file).stem().string(), backup.file, options.num_kept);
-    if (!deleted.ok()) {
-      return Annotate(deleted.status(), fmt::format("{} is made, but older ones could not be deleted", backup.file));
-    }
-    backup.deleted = *std::move(deleted);
+  StatusOr<std::vector<std::string>> old = old_backups();
+  const Status deleted = old.ok() ? Delete(*old) : old.status();
+  if (!deleted.ok()) {
+    return Annotate(deleted, fmt::format("{} is made, but older ones could not be deleted", backup.file));
   }
+  backup.deleted = *std::move(old);
   return backup;
 }
 

@@ -25,6 +25,8 @@ struct BackupOptions {
   std::string to = {};
   /// Of such files in the folder, how many to keep: older ones are deleted after success. 0 = all.
   int num_kept = 0;
+  /// Only tell what would be written, about how large, and deleted.
+  bool dry_run = false;
   BackupObserver on_progress = {};
   /// CopyOptions::pages_per_step and max_pages.
   int pages_per_step = 64;

@@ -111,8 +111,8 @@ StatusOr<MapId> CreateMap(Connection& db, ChangeLedger& ledger, const MapRecord&
       db.Prepare("INSERT INTO maps (name, created_ns, revision, tile_edge_m, cone_range_m, num_frames, num_points, "
                  "num_sessions, feature_descriptor, feature_scale_factor, feature_num_levels, feature_patch_size_px) "
                  "VALUES (?, ?, 0, ?, ?, 0, 0, 0, ?, ?, ?, ?)")
-          .Bind(map.name, ledger.now_ns(), map.tile_edge_m, map.cone_range_m, features.descriptor_kind,
-                features.scale_factor, features.num_levels, features.patch_size_px)
+          .Bind(map.name, map.created_ns != 0 ? map.created_ns : ledger.now_ns(), map.tile_edge_m, map.cone_range_m,
+                features.descriptor_kind, features.scale_factor, features.num_levels, features.patch_size_px)
           .Run());
   return MapId(static_cast<uint64_t>(db.last_insert_id()));
 }
@@ -177,11 +177,11 @@ StatusOr<SessionId> InsertSession(Connection& db, ChangeLedger& ledger, const Se
   MAPP_RETURN_IF_ERROR(CheckExists(db, "SELECT 1 FROM cameras WHERE camera_id = ?", session.camera.value(),
                                    internal::NoSuchCamera(session.camera)));
   MAPP_RETURN_IF_ERROR(ledger.AddSessions(session.map, 1));
-  MAPP_RETURN_IF_ERROR(
-      db.Prepare("INSERT INTO sessions (map_id, camera_id, device, sensor, opened_ns, num_keyframes, "
-                 "num_upload_bytes) VALUES (?, ?, ?, ?, ?, 0, 0)")
-          .Bind(session.map, session.camera, session.device, static_cast<int>(session.sensor), ledger.now_ns())
-          .Run());
+  MAPP_RETURN_IF_ERROR(db.Prepare("INSERT INTO sessions (map_id, camera_id, device, sensor, opened_ns, num_keyframes, "
+                                  "num_upload_bytes) VALUES (?, ?, ?, ?, ?, 0, 0)")
+                           .Bind(session.map, session.camera, session.device, static_cast<int>(session.sensor),
+                                 session.opened_ns != 0 ? session.opened_ns : ledger.now_ns())
+                           .Run());
   const SessionId id(static_cast<uint64_t>(db.last_insert_id()));
   MAPP_RETURN_IF_ERROR(ledger.OpenSession(session.map, id));
   SessionRecord inserted = session;

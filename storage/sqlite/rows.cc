@@ -25,8 +25,8 @@ std::optional<IdType> OptionalId(const Statement& row, int column) {
 
 Pose3 ReadPose(const Statement& row, int first_column) {
   const auto value = [&](int offset) { return row.Double(first_column + offset); };
-  return Pose3(Eigen::Quaterniond(value(3), value(4), value(5), value(6)),
-               Eigen::Vector3d(value(0), value(1), value(2)));
+  return Pose3::FromStored(Eigen::Quaterniond(value(3), value(4), value(5), value(6)),
+                           Eigen::Vector3d(value(0), value(1), value(2)));
 }
 
 void BindPose(Statement& statement, const Pose3& pose) {

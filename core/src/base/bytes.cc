@@ -56,8 +56,8 @@ std::string_view ByteReader::GetBytes(size_t count) {
 }
 
 #ifdef __SSE4_2__
-uint32_t Crc32c(std::string_view bytes) {
-  uint64_t crc = 0xffffffffU;
+uint32_t ExtendCrc32c(uint32_t crc_before, std::string_view bytes) {
+  uint64_t crc = ~crc_before;
   while (bytes.size() >= sizeof(uint64_t)) {
     uint64_t word = 0;
     std::memcpy(&word, bytes.data(), sizeof(word));
@@ -69,11 +69,13 @@ uint32_t Crc32c(std::string_view bytes) {
   return ~rest;
 }
 #else
-uint32_t Crc32c(std::string_view bytes) {
-  uint32_t crc = 0xffffffffU;
+uint32_t ExtendCrc32c(uint32_t crc_before, std::string_view bytes) {
+  uint32_t crc = ~crc_before;
   for (const char c : bytes) crc = kCrc32cTable[(crc ^ static_cast<uint8_t>(c)) & 0xff] ^ (crc >> 8);
   return ~crc;
 }
 #endif
+
+uint32_t Crc32c(std::string_view bytes) { return ExtendCrc32c(0, bytes); }
 
 }  // namespace mapp

@@ -221,4 +221,41 @@ StatusOr<Keyframe> DecodeKeyframe(std::string_view bytes) {
   return keyframe;
 }
 
+std::string RenumberKeyframe(std::string_view bytes, SessionId session,
+                             const std::function<uint64_t(uint64_t)>& map_point) {
+  constexpr size_t kKeypointBytes = 2 * sizeof(uint16_t) + 1 + OrbDescriptor::kBytes;
+  constexpr size_t kPointBytes = sizeof(uint16_t) + 1;
+  constexpr size_t kStampAndPoseBytes = sizeof(int64_t) + 7 * sizeof(double);
+  ByteReader reader(bytes.substr(0, bytes.size() - sizeof(uint32_t)));
+  ByteWriter writer;
+  writer.PutBytes(reader.GetBytes(sizeof(kMagic) + sizeof(kVersion)));
+  const auto flags = reader.Get<uint8_t>();
+  writer.Put<uint8_t>(flags);
+  reader.GetVarint();
+  writer.PutVarint(session.value());
+  writer.PutVarint(reader.GetVarint());  // number
+  writer.PutBytes(reader.GetBytes(kStampAndPoseBytes + ((flags & kHasOverlap) != 0 ? 1 : 0)));
+  const uint64_t num_features = reader.GetVarint();
+  writer.PutVarint(num_features);
+  uint64_t previous_old = 0, previous_new = 0;
+  for (uint64_t i = 0; i < num_features; ++i) {
+    const auto head = reader.Get<uint8_t>();
+    writer.Put<uint8_t>(head);
+    writer.PutBytes(reader.GetBytes(kKeypointBytes));
+    if ((head & ~kOctaveMask) == 0) continue;
+    writer.PutBytes(reader.GetBytes(kPointBytes));
+    const uint64_t difference = reader.GetVarint();
+    if ((head & kHasMapPoint) == 0) {
+      writer.PutVarint(difference);
+      continue;
+    }
+    previous_old += static_cast<uint64_t>(UnZigZag(difference));
+    const uint64_t point = map_point(previous_old);
+    writer.PutVarint(ZigZag(static_cast<int64_t>(point - previous_new)));
+    previous_new = point;
+  }
+  writer.Put<uint32_t>(Crc32c(writer.bytes()));
+  return writer.Take();
+}
+
 }  // namespace mapp

@@ -10,6 +10,8 @@ namespace {
 
 /// Below this angle the closed forms lose digits and their series are exact to double precision.
 constexpr double kSmallAngle = 1e-5;
+/// Of a squared norm from 1: far more than rounding leaves of a unit quaternion.
+constexpr double kUnitTolerance = 1e-9;
 
 /// Left Jacobian of SO(3): translation of Exp([rho; phi]) is V(phi) * rho (Sola et al. 2018, equation 145).
 Eigen::Matrix3d LeftJacobianSo3(const Eigen::Vector3d& phi) {
@@ -31,6 +33,12 @@ Eigen::Matrix3d LeftJacobianInverseSo3(const Eigen::Vector3d& phi) {
 }
 
 }  // namespace
+
+Pose3 Pose3::FromStored(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation) {
+  Pose3 pose(rotation, translation);
+  if (std::abs(rotation.squaredNorm() - 1) < kUnitTolerance) pose.rotation_ = rotation;
+  return pose;
+}
 
 Pose3 Pose3::FromMatrix(const Eigen::Matrix4d& matrix) {
   const Eigen::Matrix3d rotation = matrix.topLeftCorner<3, 3>();

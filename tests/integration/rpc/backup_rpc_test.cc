@@ -21,20 +21,20 @@ class BackupRpcTest : public RpcTest {
  protected:
   void AllowBackups() {
     fs::create_directory(backups_);
-    options_.back_up = [folder = BackupFolder(folder_.File("maps.db"), backups_)](
-                           const CallContext& context, const std::string& to, uint32_t num_kept,
-                           const BackupObserver& on_progress) {
-      return folder.BackUp(context, to, num_kept, on_progress);
+    options_.back_up = [folder = BackupFolder(folder_.File("maps.db"), backups_)](const CallContext& context,
+                                                                                  const BackupOptions& backup) {
+      return folder.BackUp(context, backup);
     };
     RestartServer();
   }
   /// The last message; what came before it is counted in num_progress_.
-  grpc::Status BackUp(const std::string& to, uint32_t num_kept = 0) {
+  grpc::Status BackUp(const std::string& to, uint32_t num_kept = 0, bool dry_run = false) {
     grpc::ClientContext context;
     SetDeadline(context);
     v1::BackUpRequest request;
     request.set_to(to);
     request.set_num_kept(num_kept);
+    request.set_dry_run(dry_run);
     const auto reader = admin_service().BackUp(&context, request);
     while (reader->Read(&last_)) num_progress_ += last_.has_progress() ? 1 : 0;
     return reader->Finish();
@@ -80,6 +80,10 @@ TEST_F(BackupRpcTest, DeletesTheOldestWhenAsked) {
   AllowBackups();
   const std::string old = backups_ + "/maps-20200101T000000Z.db";
   WriteFile(old, "old");
+  ASSERT_TRUE(BackUp(backups_, 1, /*dry_run=*/true).ok());
+  EXPECT_EQ(last_.result().deleted(0), old);
+  EXPECT_FALSE(fs::exists(last_.result().file()));
+  EXPECT_TRUE(fs::exists(old));
   ASSERT_TRUE(BackUp(backups_, 1).ok());
   ASSERT_EQ(last_.result().deleted_size(), 1);
   EXPECT_EQ(last_.result().deleted(0), old);
@@ -112,14 +116,13 @@ TEST_F(BackupRpcTest, RefusesWhatItCannotWrite) {
 TEST_F(BackupRpcTest, LeavesNothingWhenTheCallerGoes) {
   fs::create_directory(backups_);
   std::optional<Status> outcome;
-  options_.back_up = [&](const CallContext& context, const std::string& to, uint32_t num_kept,
-                         const BackupObserver& on_progress) {
+  options_.back_up = [&](const CallContext& context, BackupOptions options) {
     // Stays in the middle until the call is gone.
-    const auto wait = [&](const BackupProgress& progress) {
-      on_progress(progress);
+    options.on_progress = [&, tell = options.on_progress](const BackupProgress& progress) {
+      tell(progress);
       while (context.Check().ok()) std::this_thread::yield();
     };
-    const auto backup = BackupFolder(folder_.File("maps.db"), backups_).BackUp(context, to, num_kept, wait);
+    const auto backup = BackupFolder(folder_.File("maps.db"), backups_).BackUp(context, options);
     outcome = backup.status();
     return backup;
   };

@@ -44,11 +44,12 @@ class HistoryRpcTest : public RpcTest {
     MAPP_RETURN_IF_ERROR(RunMapsDiff({.server = address(), .name = "room", .from = from, .to = to, .json = json}, out));
     return out.str();
   }
-  StatusOr<std::string> Tag(MapsTagOptions options) {
+  StatusOr<std::string> Tag(MapsTagOptions options, const std::string& answer = {}) {
     options.server = address();
     options.name = "room";
+    std::istringstream in(answer);
     std::ostringstream out;
-    MAPP_RETURN_IF_ERROR(RunMapsTag(options, out));
+    MAPP_RETURN_IF_ERROR(RunMapsTag(options, in, out));
     return out.str();
   }
   StatusOr<std::string> Show(const std::string& at) {
@@ -86,7 +87,14 @@ TEST_F(HistoryRpcTest, TagsNameRevisionsEverywhere) {
   EXPECT_THAT(*Log(), ContainsRegex("1\\.\\.3 .*first-visit@3"));
   EXPECT_THAT(*Show("first-visit"), AllOf(HasSubstr("\"revision\": 3"), HasSubstr("\"num_frames\": 3")));
   EXPECT_THAT(*Diff("first-visit", "3"), HasSubstr("no difference"));
-  EXPECT_THAT(*Tag({.server = {}, .name = {}, .tag = "first-visit", .at = {}, .remove = true}), HasSubstr("removed"));
+  MapsTagOptions removal{.server = {}, .name = {}, .tag = "first-visit", .at = {}, .remove = true};
+  EXPECT_THAT(Tag(removal).status().message(), HasSubstr("removing a tag needs --yes"));
+  removal.interactive = true;
+  EXPECT_THAT(Tag(removal, "n\n").status().message(), HasSubstr("no tag was removed"));
+  EXPECT_TRUE(Show("first-visit").ok());
+  EXPECT_THAT(*Tag(removal, "y\n"), AllOf(HasSubstr("Remove tag first-visit of revision 3?"), HasSubstr("removed")));
+  removal.yes = true;
+  EXPECT_THAT(Tag(removal).status().message(), HasSubstr("no tag \"first-visit\""));
   EXPECT_THAT(Show("first-visit").status().message(), HasSubstr("no tag \"first-visit\""));
   EXPECT_THAT(Tag({.server = {}, .name = {}, .tag = "12", .at = {}}).status().message(), HasSubstr("no number"));
   EXPECT_THAT(Tag({.server = {}, .name = {}, .tag = "x", .at = "999"}).status().message(),

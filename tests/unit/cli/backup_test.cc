@@ -76,6 +76,14 @@ TEST_F(BackupCommandTest, BackupSaysWhereItIsAndWhatWent) {
   options.to = folder_.File("backups");
   std::ofstream(folder_.path() / "backups" / "maps-20200101T000000Z.db") << "old";
   options.num_kept = 1;
+  options.dry_run = true;
+  ASSERT_TRUE(RunBackup(options, {}, out_).ok());
+  EXPECT_THAT(out_.str(), AllOf(HasSubstr("would write " + options.to + "/maps-2"),
+                                HasSubstr("would delete " + options.to + "/maps-20200101T000000Z.db")));
+  EXPECT_TRUE(fs::exists(folder_.path() / "backups" / "maps-20200101T000000Z.db"));
+  EXPECT_EQ(std::distance(fs::directory_iterator(options.to), {}), 1);
+  out_.str("");
+  options.dry_run = false;
   options.json = true;
   const Status status = RunBackup(options, {}, out_);
   ASSERT_TRUE(status.ok()) << status;

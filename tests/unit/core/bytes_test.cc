@@ -11,6 +11,13 @@ namespace {
 
 TEST(BytesTest, Crc32cMatchesThePublishedCheckValue) { EXPECT_EQ(Crc32c("123456789"), 0xe3069283U); }
 
+TEST(BytesTest, Crc32cGoesOnWhereItEnded) {
+  const std::string bytes = "what was computed in two steps is what one step gives";
+  for (size_t cut = 0; cut <= bytes.size(); ++cut) {
+    EXPECT_EQ(ExtendCrc32c(Crc32c(bytes.substr(0, cut)), bytes.substr(cut)), Crc32c(bytes)) << cut;
+  }
+}
+
 TEST(BytesTest, Crc32cIsTheSameAtEveryLength) {
   Rng rng(6);
   std::string bytes;

@@ -48,6 +48,30 @@ Keyframe RandomKeyframe(uint64_t seed, int num_features) {
   return keyframe;
 }
 
+TEST(KeyframeCodecTest, RenumberingChangesNothingElse) {
+  for (uint64_t seed = 1; seed <= 30; ++seed) {
+    SCOPED_TRACE(seed);
+    const std::string sent = EncodeKeyframe(RandomKeyframe(seed, static_cast<int>(seed * 37 % 1000)));
+    const Keyframe before = *DecodeKeyframe(sent);
+    const std::string changed =
+        RenumberKeyframe(sent, SessionId(77), [](uint64_t id) { return 3 * id + 1'000'000'000; });
+    const StatusOr<Keyframe> after = DecodeKeyframe(changed);
+    ASSERT_TRUE(after.ok()) << after.status();
+    EXPECT_EQ(after->session, SessionId(77));
+    for (size_t i = 0; i < before.features.size(); ++i) {
+      const auto& point = before.features[i].point;
+      ASSERT_EQ(after->features[i].point.has_value(), point.has_value());
+      if (!point) continue;
+      const bool in_map = point->kind == PointReference::Kind::kMapPoint;
+      EXPECT_EQ(after->features[i].point->id, in_map ? 3 * point->id + 1'000'000'000 : point->id);
+    }
+    EXPECT_EQ(RenumberKeyframe(changed, before.session, [](uint64_t id) { return (id - 1'000'000'000) / 3; }), sent);
+    const auto gone = DecodeKeyframe(RenumberKeyframe(sent, before.session, [](uint64_t) { return 0; }));
+    ASSERT_TRUE(gone.ok()) << gone.status();
+    EXPECT_EQ(gone->features.size(), before.features.size());
+  }
+}
+
 TEST(KeyframeCodecTest, RoundTripLosesNoMoreThanDocumented) {
   for (uint64_t seed = 1; seed <= 30; ++seed) {
     SCOPED_TRACE(seed);

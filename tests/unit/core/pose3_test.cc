@@ -30,6 +30,18 @@ TEST(Pose3Test, LogInvertsExpAtAllAngles) {
   }
 }
 
+TEST(Pose3Test, StoredPosesKeepTheirBits) {
+  Rng rng(7);
+  for (int i = 0; i < 1000; ++i) {
+    const Pose3 pose = Pose3::Exp(RandomTangent(rng, rng.Uniform(0, 3)));
+    const Pose3 again = Pose3::FromStored(pose.rotation(), pose.translation());
+    EXPECT_EQ(again.rotation().coeffs(), pose.rotation().coeffs());
+    EXPECT_EQ(again.translation(), pose.translation());
+  }
+  const Eigen::Quaterniond twice_as_long(2, 0, 0, 0);
+  EXPECT_EQ(Pose3::FromStored(twice_as_long, Eigen::Vector3d::Zero()).rotation().w(), 1);
+}
+
 TEST(Pose3Test, InverseAndCompositionAgreeWithMatrices) {
   Rng rng(2);
   for (int i = 0; i < 50; ++i) {

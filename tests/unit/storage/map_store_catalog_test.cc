@@ -31,6 +31,28 @@ TEST_P(MapStoreCatalogTest, CreatesAndFindsAMap) {
   EXPECT_EQ(Value(Read()->ListMaps()).size(), 1U);
 }
 
+TEST_P(MapStoreCatalogTest, KeepsTimesThatItIsGiven) {
+  const Scene scene = NewScene();
+  MapId map;
+  SessionId session;
+  MustWrite([&](MapWriter& writer) {
+    MapRecord made;
+    made.name = "elsewhere";
+    made.created_ns = 17;
+    map = Value(writer.CreateMap(made));
+    SessionRecord opened;
+    opened.map = map;
+    opened.device = "robot";
+    opened.camera = scene.camera;
+    opened.opened_ns = 18;
+    opened.closed_ns = 19;
+    session = Value(writer.InsertSession(opened));
+  });
+  EXPECT_EQ(Value(Read()->GetMap(map)).created_ns, 17);
+  EXPECT_EQ(Value(Read()->GetSession(session)).opened_ns, 18);
+  EXPECT_EQ(Value(Read()->GetSession(session)).closed_ns, 19);
+}
+
 TEST_P(MapStoreCatalogTest, KeepsTheFeatureSettingsOfAMap) {
   MapRecord map;
   map.name = "garage";

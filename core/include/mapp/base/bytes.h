@@ -75,5 +75,7 @@ constexpr int64_t UnZigZag(uint64_t value) {
 
 /// CRC-32C (Castagnoli, polynomial 0x1EDC6F41, reflected), as iSCSI and LevelDB use it.
 uint32_t Crc32c(std::string_view bytes);
+/// Of what `crc` is the checksum of (0: of nothing), followed by `bytes`.
+uint32_t ExtendCrc32c(uint32_t crc, std::string_view bytes);
 
 }  // namespace mapp

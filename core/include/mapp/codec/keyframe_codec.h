@@ -3,6 +3,7 @@
 #include "mapp/base/status.h"
 #include "mapp/map/keyframe.h"
 
+#include <functional>
 #include <string>
 #include <string_view>
 
@@ -16,5 +17,11 @@ std::string EncodeKeyframe(const Keyframe& keyframe);
 /// INVALID_ARGUMENT naming the field for bytes that are truncated, of another format or version, over the limits, or
 /// fail their checksum.
 StatusOr<Keyframe> DecodeKeyframe(std::string_view bytes);
+
+/// The same keyframe for another session and other numbers of map points, all else byte for byte. `map_point` gives the
+/// new number for an old one; 0 where there is none, which stands for no point. Requires bytes that DecodeKeyframe
+/// takes.
+std::string RenumberKeyframe(std::string_view bytes, SessionId session,
+                             const std::function<uint64_t(uint64_t)>& map_point);
 
 }  // namespace mapp

@@ -12,6 +12,9 @@ class Pose3 {
   Pose3() = default;
   Pose3(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation)
       : rotation_(rotation.normalized()), translation_(translation) {}
+  /// With the quaternion's very bits, which the constructor may round anew: what is stored and read again is the same.
+  /// `rotation` is of unit length up to rounding, or is normalised.
+  static Pose3 FromStored(const Eigen::Quaterniond& rotation, const Eigen::Vector3d& translation);
   static Pose3 FromMatrix(const Eigen::Matrix4d& matrix);
 
   const Eigen::Quaterniond& rotation() const { return rotation_; }
