@@ -231,6 +231,7 @@ StatusOr<CompactionSummary> AdminClient::CompactMap(const CompactionOrder& order
   request.set_name(order.map_name);
   if (order.keep_revisions) request.set_keep_revisions(*order.keep_revisions);
   if (order.keep_days) request.set_keep_days(*order.keep_days);
+  request.set_rewrite(order.rewrite);
   request.set_dry_run(order.dry_run);
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kWholeFileTimeout);

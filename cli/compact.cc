@@ -37,7 +37,8 @@ StatusOr<std::vector<CompactedMap>> Compact(const CompactOptions& options, bool 
       bar.Update(done, fmt::format("{} of {} rows, {} to give back", step.rows_done, step.rows_total,
                                    FormatBytes(static_cast<double>(step.bytes_left))));
     };
-    const CompactionOrder order{name, options.keep_revisions, options.keep_days, dry_run};
+    const bool rewrite = options.rewrite && &name == &names.back();
+    const CompactionOrder order{name, options.keep_revisions, options.keep_days, dry_run, rewrite};
     MAPP_ASSIGN_OR_RETURN(CompactionSummary summary, client.CompactMap(order, show, stop));
     compacted.push_back({name, std::move(summary)});
   }

@@ -16,6 +16,7 @@ struct CompactOptions {
   std::string map_name;  ///< empty: all maps
   std::optional<uint64_t> keep_revisions;
   std::optional<double> keep_days;
+  bool rewrite = false;  ///< the whole file afterwards
   bool dry_run = false;
   bool yes = false;          ///< do not ask
   bool interactive = false;  ///< a person can answer on `in`

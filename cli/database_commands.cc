@@ -49,6 +49,9 @@ void AddCompact(CLI::App& app, Command& chosen) {
   command->add_option("--map", options->map_name, "Only this map's, instead of all");
   command->add_option("--keep-revisions", options->keep_revisions, "Keep so many revisions before the present one")
       ->type_name("N");
+  command->add_flag("--rewrite", options->rewrite,
+                    "Write the whole file anew afterwards: no trace of what was deleted, page checksums also for a "
+                    "database of before there were any; uploads wait");
   command->add_option("--keep-days", options->keep_days, "Keep the state of so many days ago, and all since")
       ->check(CLI::Range(0.0, 36500.0))
       ->type_name("DAYS");

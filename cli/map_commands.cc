@@ -104,7 +104,7 @@ void AddSessions(CLI::App& app, Command& chosen) {
   revert_command->add_flag("--dry-run", revert->dry_run, "Only say what would go");
   revert_command->add_flag("--yes", revert->yes, "Do not ask");
   revert_command->add_option("id", revert->id, "Number of the session")->required()->type_name("SESSION");
-  revert_command->footer("Example: mapp sessions revert 7 --reason \"camera was loose\"");
+  revert_command->footer("Example: mapp sessions revert 7 --reason loose-camera --dry-run");
   revert_command->callback([revert, &chosen] {
     revert->interactive = isatty(STDIN_FILENO) == 1;
     chosen = [revert] { return RunSessionsRevert(*revert, std::cin, std::cout); };

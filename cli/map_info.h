@@ -138,6 +138,7 @@ struct CompactionOrder {
   std::optional<uint64_t> keep_revisions;
   std::optional<double> keep_days;
   bool dry_run = false;
+  bool rewrite = false;  ///< the whole file afterwards
 };
 
 /// How far a compaction is.

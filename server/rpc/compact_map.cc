@@ -18,8 +18,11 @@ grpc::Status AdminServiceHandler::CompactMap(grpc::ServerContext* context, const
       out.set_bytes_left(static_cast<uint64_t>(progress.bytes_left));
       send(message);  // a caller that is gone cancels call.context
     };
-    CompactionRequest wanted{
-        .map_name = request->name(), .keep_revisions = {}, .keep_days = {}, .dry_run = request->dry_run()};
+    CompactionRequest wanted{.map_name = request->name(),
+                             .keep_revisions = {},
+                             .keep_days = {},
+                             .dry_run = request->dry_run(),
+                             .rewrite = request->rewrite()};
     if (request->has_keep_revisions()) wanted.keep_revisions = request->keep_revisions();
     if (request->has_keep_days()) wanted.keep_days = request->keep_days();
     MAPP_ASSIGN_OR_RETURN(const Compaction compaction, service_.CompactMap(call.context, wanted, tell));

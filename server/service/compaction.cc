@@ -60,10 +60,8 @@ StatusOr<Compaction> Plan(MapReader& reader, const MapRecord& map, const Compact
   return plan;
 }
 
-}  // namespace
-
-StatusOr<Compaction> CompactMap(MapStore& store, const CallContext& context, const CompactionRequest& request,
-                                int64_t now_ns, const CompactionObserver& on_progress) {
+StatusOr<Compaction> DropAndGiveBack(MapStore& store, const CallContext& context, const CompactionRequest& request,
+                                     int64_t now_ns, const CompactionObserver& on_progress) {
   Compaction compaction;
   MapRecord map;
   CompactionProgress progress;
@@ -101,6 +99,15 @@ StatusOr<Compaction> CompactMap(MapStore& store, const CallContext& context, con
     if (progress.bytes_left == 0 || progress.bytes_left == before) return compaction;
     before = progress.bytes_left;
   }
+}
+
+}  // namespace
+
+StatusOr<Compaction> CompactMap(MapStore& store, const CallContext& context, const CompactionRequest& request,
+                                int64_t now_ns, const CompactionObserver& on_progress) {
+  MAPP_ASSIGN_OR_RETURN(Compaction compaction, DropAndGiveBack(store, context, request, now_ns, on_progress));
+  if (request.rewrite && !request.dry_run) MAPP_RETURN_IF_ERROR(store.Rewrite(context));
+  return compaction;
 }
 
 }  // namespace mapp

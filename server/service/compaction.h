@@ -19,6 +19,7 @@ struct CompactionRequest {
   std::optional<uint64_t> keep_revisions;  ///< before the present one
   std::optional<double> keep_days;         ///< the state of that time ago, and all since
   bool dry_run = false;
+  bool rewrite = false;  ///< the store, afterwards (MapStore::Rewrite)
 };
 
 struct Compaction {

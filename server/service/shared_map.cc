@@ -51,8 +51,10 @@ StatusOr<std::optional<EncodedTile>> ReadEncoded(MapStore& store, const TileAddr
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
   MAPP_ASSIGN_OR_RETURN(const std::optional<TileRecord> record, FindTile(*reader, tile));
   if (!record) return std::optional<EncodedTile>();
-  MAPP_ASSIGN_OR_RETURN(std::optional<TileBlob> stored, reader->GetTileBlob(tile.map, tile.key));
-  if (stored && stored->revision == record->revision) return EncodedTile{*std::move(stored), true};
+  StatusOr<std::optional<TileBlob>> stored = reader->GetTileBlob(tile.map, tile.key);
+  // One that is damaged is made again of its points.
+  if (!stored.ok() && !absl::IsDataLoss(stored.status())) return stored.status();
+  if (stored.ok() && *stored && (*stored)->revision == record->revision) return EncodedTile{**std::move(stored), true};
   MAPP_ASSIGN_OR_RETURN(const TileContent content, ReadTile(*reader, tile.map, tile.key));
   return EncodedTile{{record->revision, EncodeTile(MakeTile(tile.key, tile.edge_m, record->revision, content))}, false};
 }
@@ -96,8 +98,9 @@ struct SharedMapSender::Impl {
   void StoreBlob(const WaitingBlob& waiting) {
     const CallContext context = CallContext::WithTimeout(std::chrono::seconds(10));
     const Status stored = store.Write(context, [&](MapWriter& writer) -> Status {
-      MAPP_ASSIGN_OR_RETURN(const std::optional<TileBlob> present, writer.GetTileBlob(waiting.map, waiting.key));
-      if (present && present->revision >= waiting.blob.revision) return absl::OkStatus();
+      const StatusOr<std::optional<TileBlob>> present = writer.GetTileBlob(waiting.map, waiting.key);
+      if (!present.ok() && !absl::IsDataLoss(present.status())) return present.status();
+      if (present.ok() && *present && (*present)->revision >= waiting.blob.revision) return absl::OkStatus();
       return writer.PutTileBlob(waiting.map, waiting.key, waiting.blob);
     });
     stored.IgnoreError();

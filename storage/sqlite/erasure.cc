@@ -2,6 +2,7 @@
 
 #include "storage/checks.h"
 #include "storage/sqlite/catalog.h"
+#include "storage/sqlite/checksum_vfs.h"
 
 namespace mapp::sqlite {
 namespace {
@@ -101,7 +102,11 @@ Status EraseSession(Connection& db, ChangeLedger& ledger, SessionId session) {
 }
 
 Status Rewrite(Connection& db) {
-  MAPP_RETURN_IF_ERROR(db.Execute("VACUUM"));
+  if (!HasChecksums(db)) {
+    MAPP_RETURN_IF_ERROR(EnableChecksums(db));
+  } else {
+    MAPP_RETURN_IF_ERROR(db.Execute("VACUUM;"));
+  }
   // Its first column: whether a reader of an older state kept the log from being emptied.
   MAPP_ASSIGN_OR_RETURN(const int64_t is_busy, db.QueryInt64("PRAGMA wal_checkpoint(TRUNCATE)"));
   if (is_busy == 0) return absl::OkStatus();

@@ -9,7 +9,7 @@ Status AdoptPoint(Connection& db, ChangeLedger& ledger, MapPointId point, Sessio
                   const OrbDescriptor& descriptor);
 Status EraseSession(Connection& db, ChangeLedger& ledger, SessionId session);
 
-/// As MapStore::Rewrite. Outside of a transaction.
+/// As MapStore::Rewrite, outside of a transaction; a database of before there were page checksums gets them.
 Status Rewrite(Connection& db);
 
 }  // namespace mapp::sqlite

@@ -261,5 +261,20 @@ TEST_F(SqliteFileTest, FullDiskTakesNothingMoreUntilThereIsRoom) {
   umount(disk.c_str());
 }
 
+TEST(SqliteRewriteTest, GivesPageChecksumsToADatabaseOfBefore) {
+  const TempFolder folder;
+  const std::string file = folder.File("maps.db");
+  const auto store = Open(file, {.page_checksums = false});
+  AddSceneTo(*store);
+  constexpr size_t kReservedBytesAt = 20;  // of the header: bytes at the end of every page
+  EXPECT_EQ(ReadFile(file)[kReservedBytesAt], 0);
+  Check(store->Rewrite({}));
+  EXPECT_EQ(ReadFile(file)[kReservedBytesAt], 8);
+  EXPECT_EQ(Value(Value(store->Read())->ListMaps()).size(), 1U);
+  AddSceneTo(*store, "garage");
+  Check(store->Close());
+  EXPECT_EQ(Value(Value(Open(file)->Read())->ListMaps()).size(), 2U);
+}
+
 }  // namespace
 }  // namespace mapp
