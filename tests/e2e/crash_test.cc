@@ -32,15 +32,17 @@ int NumKillsUnderLoad() {
 constexpr int kNumUploaders = 3;
 /// So many keyframes of each uploader come between two kills at most, with every 4th feature, so that the map stays
 /// small and operators come to their end now and then.
-constexpr int kKeyframesAKill = 4;
+constexpr int kKeyframesAKill = 6;
 constexpr int kFeatureStride = 4;
-constexpr int kKillsAMap = 20;
+constexpr int kKillsAMap = 10;
 /// How often the database is looked through while the server is dead.
 constexpr int kKillsBetweenLooks = 20;
 constexpr std::chrono::microseconds kLongestPause(250'000);
 constexpr std::chrono::minutes kUploadTimeout(1);
 
 constexpr int kNumKillsOfReplays = 4;
+/// In one session, so that it comes to its end.
+constexpr int kMaxKillsPerSession = 2;
 constexpr std::chrono::minutes kReplayTimeout(5);
 constexpr uint64_t kSeed = 20240731;
 
@@ -118,7 +120,7 @@ class CrashTest : public ServiceTest {
     std::optional<int> exit_code;
     while (!exit_code && !HasSession(device)) exit_code = replay.Wait(milliseconds(20));
     int num_kills = 0;
-    for (; !exit_code && num_kills < kNumKillsOfReplays; ++num_kills) {
+    for (; !exit_code && num_kills < kMaxKillsPerSession; ++num_kills) {
       exit_code = replay.Wait(milliseconds(100 + rng.Below(900)));
       if (exit_code) break;
       KillAndRestartServer();
@@ -201,6 +203,7 @@ class CrashUnderLoadTest : public ServiceTest {
       uploader->Stop();
       const MutexLock lock(mutex_);
       past_.push_back(uploader->acknowledged());
+      num_retries_ += uploader->num_retries();
     }
   }
   std::string map() {
@@ -224,19 +227,17 @@ class CrashUnderLoadTest : public ServiceTest {
       std::filesystem::remove(file);
       return absl::OkStatus();
     }));
-    operators_.push_back(std::make_unique<Operator>("compact", address_, [this](AdminClient& client) {
-      return client
-          .CompactMap({.map_name = map(), .keep_revisions = 5, .keep_days = {}}, [](const CompactionStep&) {}, {})
-          .status();
-    }));
     operators_.push_back(std::make_unique<Operator>("optimize", address_, [this](AdminClient& client) {
       return client.OptimizeMap(map(), [](const MapOptimizationStep&) {}, {}).status();
     }));
-    operators_.push_back(std::make_unique<Operator>("verify", address_, [](AdminClient& client) -> Status {
-      MAPP_ASSIGN_OR_RETURN(const VerifyReport report, client.Verify([](const VerifyProgress&) {}, {}));
-      EXPECT_EQ(report.num_violations(), 0) << report.violations.at(0).check << report.violations.at(0).message;
-      return absl::OkStatus();
-    }));
+    operators_.push_back(
+        std::make_unique<Operator>("compact and verify", address_, [this](AdminClient& client) -> Status {
+          const CompactionOrder order{.map_name = map(), .keep_revisions = 5, .keep_days = {}};
+          MAPP_RETURN_IF_ERROR(client.CompactMap(order, [](const CompactionStep&) {}, {}).status());
+          MAPP_ASSIGN_OR_RETURN(const VerifyReport report, client.Verify([](const VerifyProgress&) {}, {}));
+          EXPECT_EQ(report.num_violations(), 0) << report.violations.at(0).check << report.violations.at(0).message;
+          return absl::OkStatus();
+        }));
   }
 
   static void ExpectSound(const std::string& file, const std::vector<AcknowledgedKeyframes>& acknowledged) {
@@ -257,6 +258,7 @@ class CrashUnderLoadTest : public ServiceTest {
   Mutex mutex_;
   std::string map_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::unique_ptr<Uploader>> uploaders_ ABSL_GUARDED_BY(mutex_);
+  uint64_t num_retries_ = 0;  ///< of the past ones
   std::vector<AcknowledgedKeyframes> past_ ABSL_GUARDED_BY(mutex_);
 };
 
@@ -291,7 +293,8 @@ TEST_F(CrashUnderLoadTest, EveryAcknowledgedKeyframeIsThereExactlyOnce) {
   StopUploaders();
   int num_acknowledged = 0;
   for (const AcknowledgedKeyframes& session : Acknowledged()) num_acknowledged += static_cast<int>(session.count);
-  std::cout << num_acknowledged << " keyframes acknowledged, " << NumKillsUnderLoad() << " kills\n";
+  std::cout << num_acknowledged << " keyframes acknowledged, " << num_retries_ << " attempts failed, "
+            << NumKillsUnderLoad() << " kills, " << std::filesystem::file_size(database()) / 1'000'000 << " MB\n";
   EXPECT_EQ(server().Stop(), 0);
   ExpectSound(database(), Acknowledged());
 }

@@ -15,7 +15,7 @@ Uploader::Uploader(const UploaderOptions& options) : options_(options) {
   MapClientOptions client_options;
   client_options.server_address = options.server;
   client_options.first_backoff = std::chrono::milliseconds(5);
-  client_options.max_backoff = std::chrono::milliseconds(50);
+  client_options.max_backoff = std::chrono::milliseconds(100);
   client_options.retry_for = std::chrono::minutes(2);
   client_ = MapClient::Create(client_options).value();
   session_ = client_
@@ -32,6 +32,7 @@ void Uploader::Stop() {
   thread_.join();
   const auto closed = client_->CloseSession(session_);
   EXPECT_TRUE(closed.ok()) << closed.status();
+  num_retries_ = client_->traffic().num_retries;
   client_.reset();  // a server that stops waits for connections that nobody serves
 }
 

@@ -41,6 +41,8 @@ class Uploader {
   uint32_t num_acknowledged() const { return num_acknowledged_; }
   AcknowledgedKeyframes acknowledged() const { return {session_, num_acknowledged_}; }
   void Allow(int num_keyframes) { allowed_.release(num_keyframes); }
+  /// Attempts that came to nothing because the server went away.
+  uint64_t num_retries() const { return num_retries_; }
   /// Closes the session.
   void Stop();
 
@@ -51,6 +53,7 @@ class Uploader {
   std::unique_ptr<MapClient> client_;
   SessionId session_;
   std::atomic<uint32_t> num_acknowledged_{0};
+  uint64_t num_retries_ = 0;  ///< once stopped
   std::counting_semaphore<> allowed_{0};
   std::jthread thread_;
 };

@@ -16,8 +16,6 @@
 namespace mapp {
 namespace {
 
-/// Small, so that the log is folded into the file now and then.
-constexpr int kFaultPageBytes = 1024;
 constexpr int kStepsBetweenOpenings = 13;
 constexpr int kStepsBetweenBackups = 10;
 /// How often a lasting fault is met by the same step before it ends.
@@ -25,9 +23,9 @@ constexpr int kRefusalsOfALastingFault = 3;
 
 class FaultRun {
  public:
-  FaultRun(const DiskFault& fault, bool sync_commits) : disk_(DiskUnderSqlite()), fault_(fault) {
-    options_.page_size_bytes = kFaultPageBytes;
-    options_.sync_commits = sync_commits;
+  FaultRun(const DiskFault& fault, const FaultRunOptions& options) : disk_(DiskUnderSqlite()), fault_(fault) {
+    options_.page_size_bytes = options.page_bytes;
+    options_.sync_commits = options.sync_commits;
     options_.unix_now_ns = [this] { return now_ns_; };
     mirror_ = Value(OpenMemoryMapStore(CreateMemoryDatabase(), {.unix_now_ns = options_.unix_now_ns}));
     disk_.Start(folder_.path().string());
@@ -208,8 +206,8 @@ class FaultRun {
 
 }  // namespace
 
-FaultRunResult RunOnFaultyDisk(const DiskFault& fault, bool sync_commits) {
-  return FaultRun(fault, sync_commits).Run();
+FaultRunResult RunOnFaultyDisk(const DiskFault& fault, const FaultRunOptions& options) {
+  return FaultRun(fault, options).Run();
 }
 
 }  // namespace mapp

@@ -20,6 +20,11 @@ int64_t NumRuns() {
 /// How many are enough to see a promise broken.
 constexpr int64_t kRunsToSeeIt = 30;
 
+/// From the first operation that changes something until the write-ahead log is in use.
+constexpr int64_t kFirstToMakeIt = 11;
+constexpr int64_t kLastToMakeIt = 38;
+constexpr uint64_t kSeedsToMakeIt = 20;
+
 struct Sweep {
   int num_runs = 0;
   int num_struck = 0;
@@ -28,14 +33,14 @@ struct Sweep {
   std::vector<std::string> problems;
 };
 
-Sweep SweepOver(DiskFault fault, int64_t num_runs, bool sync_commits = true) {
-  const int64_t num_operations = RunOnFaultyDisk({}).num_operations;
+Sweep SweepOver(DiskFault fault, int64_t num_runs, const FaultRunOptions& options = {}) {
+  const int64_t num_operations = RunOnFaultyDisk({}, options).num_operations;
   const int64_t stride = num_runs > 0 ? std::max<int64_t>(1, num_operations / num_runs) : 1;
   Sweep sweep;
   // Not every time the same ones of a few operations that repeat.
   for (fault.at = static_cast<int64_t>(fault.kind) % stride; fault.at < num_operations; fault.at += stride) {
     ++fault.seed;
-    const FaultRunResult run = RunOnFaultyDisk(fault, sync_commits);
+    const FaultRunResult run = RunOnFaultyDisk(fault, options);
     ++sweep.num_runs;
     sweep.num_struck += !run.struck.empty();
     sweep.num_refused += run.num_refused;
@@ -51,6 +56,7 @@ struct Case {
   std::string name;
   Kind kind;
 };
+void PrintTo(const Case& kind, std::ostream* stream) { *stream << kind.name; }
 class StorageFaultTest : public testing::TestWithParam<Case> {};
 INSTANTIATE_TEST_SUITE_P(Kinds, StorageFaultTest,
                          testing::Values(Case{"OperationFails", Kind::kFail}, Case{"AllFailFromThere", Kind::kFailFrom},
@@ -62,6 +68,17 @@ TEST_P(StorageFaultTest, KeepsExactlyWhatItAcknowledged) {
   const Sweep sweep = SweepOver({.kind = GetParam().kind}, NumRuns());
   EXPECT_GT(sweep.num_struck, sweep.num_runs * 9 / 10);
   EXPECT_THAT(sweep.problems, testing::IsEmpty());
+}
+
+TEST(NewDatabaseFaultTest, PowerCutWhileItIsMadeLeavesOneThatCanBeOpened) {
+  // With pages as servers have them, of many sectors each.
+  for (int64_t at = kFirstToMakeIt; at <= kLastToMakeIt; ++at) {
+    for (uint64_t seed = 1; seed <= kSeedsToMakeIt; ++seed) {
+      const FaultRunResult run = RunOnFaultyDisk({.kind = Kind::kPowerCut, .at = at, .seed = seed},
+                                                 {.page_bytes = SqliteOptions().page_size_bytes});
+      EXPECT_THAT(run.problems, testing::IsEmpty());
+    }
+  }
 }
 
 TEST(StorageFaultHarnessTest, FindsNothingWithoutAFault) {
@@ -78,7 +95,7 @@ TEST(StorageFaultHarnessTest, SeesADiskThatLiesLoseWhatWasAcknowledged) {
 }
 
 TEST(StorageFaultHarnessTest, SeesWhatIsNotSyncedLostAndNothingElseWrong) {
-  const Sweep sweep = SweepOver({.kind = Kind::kPowerCut}, kRunsToSeeIt, /*sync_commits=*/false);
+  const Sweep sweep = SweepOver({.kind = Kind::kPowerCut}, kRunsToSeeIt, {.sync_commits = false});
   EXPECT_GT(sweep.num_with_problems, sweep.num_runs / 4);
   EXPECT_THAT(sweep.problems, testing::Each(testing::EndsWith("what is left is not what was acknowledged")));
 }
