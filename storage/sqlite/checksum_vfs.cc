@@ -13,6 +13,7 @@
 #include <new>
 #include <string>
 #include <string_view>
+#include <utility>
 
 namespace mapp::sqlite {
 namespace {
@@ -33,6 +34,7 @@ constexpr uint32_t kTrailerTag = 0xfec5fec5U;
 // File controls of our own, which SQLite hands through; its own are below 100.
 constexpr int kFileControlFollow = 0x4d61'7001;       // no argument: FollowChecksums
 constexpr int kFileControlDamagedPage = 0x4d61'7002;  // uint32_t*: LastDamagedPage, or 0
+constexpr int kFileControlReadError = 0x4d61'7003;    // int*: TakeReadError
 
 /// What the last kPageTrailerBytes of a page are.
 struct Trailer {
@@ -67,14 +69,10 @@ class ChecksumFile {
   sqlite3_file* inner() { return reinterpret_cast<sqlite3_file*>(this + 1); }
 
   int Read(void* buffer, int num_bytes, sqlite3_int64 offset) {
-    const int code = inner()->pMethods->xRead(inner(), buffer, num_bytes, offset);
-    if (code != SQLITE_OK) return code;
-    const std::string_view bytes(static_cast<const char*>(buffer), static_cast<size_t>(num_bytes));
-    Learn(bytes, offset);
-    // SQLite also reads parts of the first page: the header before it knows the page size, the change counter.
-    const bool is_page = page_bytes_ > 0 ? bytes.size() == page_bytes_ : bytes.size() >= kLeastPageBytes;
-    if (!has_checksums_ || !is_page) return SQLITE_OK;
-    return CheckPage(bytes, PageNumber(offset, num_bytes)) ? SQLITE_OK : SQLITE_IOERR_DATA;
+    const int code = ReadChecked(buffer, num_bytes, offset);
+    // SQLite looks for what may be behind the end of the file, too.
+    if (code != SQLITE_OK && code != SQLITE_IOERR_SHORT_READ) read_error_ = code;
+    return code;
   }
 
   int Write(const void* buffer, int num_bytes, sqlite3_int64 offset) {
@@ -101,6 +99,9 @@ class ChecksumFile {
         return SQLITE_OK;
       case kFileControlDamagedPage:
         *static_cast<uint32_t*>(argument) = damaged_page_;
+        return SQLITE_OK;
+      case kFileControlReadError:
+        *static_cast<int*>(argument) = std::exchange(read_error_, SQLITE_OK);
         return SQLITE_OK;
       case SQLITE_FCNTL_CKPT_START:
         // Another connection may have given the file its checksums since this one last looked.
@@ -140,6 +141,17 @@ class ChecksumFile {
     if (bytes.size() == page_bytes_ && Trailer::Read(bytes).tag == (kTrailerTag ^ 1)) has_checksums_ = true;
   }
 
+  int ReadChecked(void* buffer, int num_bytes, sqlite3_int64 offset) {
+    const int code = inner()->pMethods->xRead(inner(), buffer, num_bytes, offset);
+    if (code != SQLITE_OK) return code;
+    const std::string_view bytes(static_cast<const char*>(buffer), static_cast<size_t>(num_bytes));
+    Learn(bytes, offset);
+    // SQLite also reads parts of the first page: the header before it knows the page size, the change counter.
+    const bool is_page = page_bytes_ > 0 ? bytes.size() == page_bytes_ : bytes.size() >= kLeastPageBytes;
+    if (!has_checksums_ || !is_page) return SQLITE_OK;
+    return CheckPage(bytes, PageNumber(offset, num_bytes)) ? SQLITE_OK : SQLITE_IOERR_DATA;
+  }
+
   int LearnFromFile() {
     char header[kFileHeaderBytes];
     const int code = inner()->pMethods->xRead(inner(), header, kFileHeaderBytes, 0);
@@ -160,6 +172,7 @@ class ChecksumFile {
   uint32_t page_bytes_ = 0;  ///< 0: not known, or told wrong
   bool has_checksums_ = false;
   uint32_t damaged_page_ = 0;
+  int read_error_ = SQLITE_OK;
   std::unique_ptr<char[]> scratch_;  ///< a page to be written
 };
 static_assert(sizeof(ChecksumFile) % 8 == 0, "the system's file behind it must be aligned");
@@ -284,6 +297,12 @@ std::optional<uint32_t> LastDamagedPage(sqlite3* db) {
   const int code = sqlite3_file_control(db, "main", kFileControlDamagedPage, &page);
   if (code != SQLITE_OK || page == 0) return std::nullopt;
   return page;
+}
+
+int TakeReadError(sqlite3* db) {
+  int code = SQLITE_OK;
+  sqlite3_file_control(db, "main", kFileControlReadError, &code);
+  return code;
 }
 
 }  // namespace mapp::sqlite

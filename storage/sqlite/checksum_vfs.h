@@ -34,4 +34,8 @@ Status EnableChecksums(Connection& db);
 /// Number of the page, from 1, whose checksum was wrong when this connection last met one.
 std::optional<uint32_t> LastDamagedPage(sqlite3* db);
 
+/// SQLite's code for the last read from the main file that failed, wrong checksums included; SQLITE_OK (0) when none
+/// has since this connection was last asked. SQLite's checks of a database say no more than that a page cannot be had.
+int TakeReadError(sqlite3* db);
+
 }  // namespace mapp::sqlite

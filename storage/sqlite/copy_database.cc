@@ -100,6 +100,7 @@ StatusOr<int64_t> CopyDatabase(const CallContext& context, Connection& source, S
 Status CheckSound(const CallContext& context, Connection& db, Thoroughness thoroughness) {
   MAPP_RETURN_IF_ERROR(context.Check());
   const Interrupter interrupter(context, db);
+  TakeReadError(db.handle());
   Statement check =
       db.Prepare(thoroughness == Thoroughness::kQuick ? "PRAGMA quick_check(1)" : "PRAGMA integrity_check(1)");
   const StatusOr<bool> row = check.Step();
@@ -109,8 +110,9 @@ Status CheckSound(const CallContext& context, Connection& db, Thoroughness thoro
   }
   const std::string finding(*row ? check.Bytes(0) : "no answer");
   if (finding == "ok") return absl::OkStatus();
-  // An interrupted check may end early with a finding that is none.
+  // An interrupted check may end early with a finding that is none; and what cannot be read need not be damaged.
   MAPP_RETURN_IF_ERROR(context.Check());
+  MAPP_RETURN_IF_ERROR(SqliteError(TakeReadError(db.handle()), "check", db.handle()));
   return absl::DataLossError(fmt::format("damaged: {}", finding.substr(finding.rfind('\n') + 1)));
 }
 

@@ -28,7 +28,8 @@ StatusOr<int64_t> CopyDatabase(const CallContext& context, Connection& source, S
 
 /// How closely SQLite looks at a database: kQuick does not compare indices with their tables.
 enum class Thoroughness { kQuick, kFull };
-/// DATA_LOSS with SQLite's first finding when pages, rows or indices of the database are damaged.
+/// DATA_LOSS with SQLite's first finding when pages, rows or indices of the database are damaged. UNAVAILABLE when it
+/// cannot be read.
 Status CheckSound(const CallContext& context, Connection& db, Thoroughness thoroughness);
 
 }  // namespace mapp::sqlite

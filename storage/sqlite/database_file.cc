@@ -2,6 +2,7 @@
 
 #include "storage/sqlite/checksum_vfs.h"
 #include "storage/sqlite/migrator.h"
+#include "storage/sqlite/staged_file.h"
 
 #include <fmt/format.h>
 
@@ -62,6 +63,10 @@ Status CheckIsDatabase(const std::string& file) {
   std::string header(kApplicationOffset + kApplication.size(), '\0');
   stream.read(header.data(), static_cast<std::streamsize>(header.size()));
   if (stream.gcount() == 0 || header.starts_with(kMagic)) return absl::OkStatus();
+  // A power cut in the first moments of a database may leave a hole, and the journal with which SQLite takes it back.
+  const bool is_hole = header.find_first_not_of('\0') == std::string::npos;
+  std::error_code none;
+  if (is_hole && fs::exists(file + kJournalSuffix, none)) return absl::OkStatus();
   if (header.ends_with(kApplication)) {
     return absl::DataLossError("page 1 is damaged (the file does not begin as a database does): restore a backup");
   }

@@ -1,16 +1,13 @@
 // Backups of a real server under upload, restored and served again; killed in the middle; and what is refused.
 
-#include "mapp/client/map_client.h"
-#include "mapp/codec/keyframe_codec.h"
 #include "storage/sqlite/sqlite_map_store.h"
 #include "tests/e2e/service_fixture.h"
-#include "tests/support/synthetic_world.h"
+#include "tests/e2e/uploader.h"
 
 #include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
-#include <atomic>
 #include <csignal>
 #include <thread>
 
@@ -19,55 +16,7 @@ namespace {
 
 namespace fs = std::filesystem;
 using ::testing::AllOf;
-using ::testing::Each;
 using ::testing::HasSubstr;
-
-/// A device that looks at the synthetic room and uploads until told to stop.
-class Uploader {
- public:
-  Uploader(const std::string& server, int number) {
-    MapClientOptions options;
-    options.server_address = server;
-    client_ = MapClient::Create(options).value();
-    session_ = client_
-                   ->OpenSession("room", fmt::format("device{}", number), SensorKind::kRgbd,
-                                 testing::SyntheticWorld::DeviceCamera(), {}, /*create_map=*/true)
-                   .value()
-                   .id;
-    thread_ = std::jthread([this](const std::stop_token& stop) { Run(stop); });
-  }
-
-  SessionId session() const { return session_; }
-  /// Keyframes 0 to this number less one are acknowledged.
-  uint32_t num_acknowledged() const { return num_acknowledged_; }
-  void Stop() {
-    thread_.request_stop();
-    thread_.join();
-    client_.reset();  // a server that stops waits for connections that nobody serves
-  }
-
- private:
-  void Run(const std::stop_token& stop) {
-    const testing::SyntheticWorld world(1);
-    const Pose3 begin = testing::SyntheticWorld::Stand(0, -2, 0);
-    Rng rng(session_.value());
-    for (uint32_t number = 0; !stop.stop_requested(); ++number) {
-      const Pose3 T_world_camera = testing::SyntheticWorld::Stand(0.01 * number, -2, 0);
-      Keyframe keyframe = world.View(T_world_camera, session_, number, rng);
-      keyframe.pose_frame = PoseFrame::kSession;
-      keyframe.T_frame_camera = begin.Inverse() * T_world_camera;
-      keyframe.stamp_ns = int64_t{number} * 1'000'000'000;
-      const auto uploaded = client_->UploadKeyframe(EncodeKeyframe(keyframe));
-      ASSERT_TRUE(uploaded.ok()) << uploaded.status();
-      num_acknowledged_ = number + 1;
-    }
-  }
-
-  std::unique_ptr<MapClient> client_;
-  SessionId session_;
-  std::atomic<uint32_t> num_acknowledged_{0};
-  std::jthread thread_;
-};
 
 class BackupTest : public ServiceTest {
  protected:
@@ -107,17 +56,19 @@ TEST_F(BackupTest, RestoresEveryKeyframeAcknowledgedBeforeExactlyOnce) {
   const std::string live = folder().File("map.db");
   const auto server = Serve(live);
   std::vector<std::unique_ptr<Uploader>> uploaders;
-  for (int i = 0; i < 3; ++i) uploaders.push_back(std::make_unique<Uploader>(server->address(), i));
+  for (int i = 0; i < 3; ++i) {
+    uploaders.push_back(std::make_unique<Uploader>(UploaderOptions{.server = server->address(), .number = i}));
+  }
   struct Expected {
     std::string backup;
-    std::vector<uint32_t> num_acknowledged;  ///< of each uploader, before the backup began
+    std::vector<AcknowledgedKeyframes> acknowledged;  ///< before the backup began
   };
   std::vector<Expected> rounds = {{backups_ + "/by_server.db", {}}, {backups_ + "/beside_server.db", {}}};
   for (size_t round = 0; round < rounds.size(); ++round) {
     const auto wanted = static_cast<uint32_t>(10 * (round + 1));
     for (const auto& uploader : uploaders) {
       while (uploader->num_acknowledged() < wanted) std::this_thread::yield();
-      rounds[round].num_acknowledged.push_back(uploader->num_acknowledged());
+      rounds[round].acknowledged.push_back(uploader->acknowledged());
     }
     if (round == 0) {
       BackUp({"--server", server->address(), "--to", rounds[round].backup});
@@ -137,19 +88,8 @@ TEST_F(BackupTest, RestoresEveryKeyframeAcknowledgedBeforeExactlyOnce) {
     EXPECT_EQ(RunMapp({"maps", "show", "room", "--server", again->address()}).exit_code, 0);
     const auto store = OpenSqliteMapStore(restored, {.read_only = true}).value();
     const auto reader = store->Read().value();
-    for (size_t i = 0; i < uploaders.size(); ++i) {
-      const SessionRecord session = reader->GetSession(uploaders[i]->session()).value();
-      const auto frames = reader->ListFrames(session.map, session.id).value();
-      std::vector<int> num_stored(frames.size(), 0);
-      for (const FrameRecord& frame : frames) {
-        ASSERT_LT(frame.number, frames.size()) << "a device uploads one after the other";
-        ++num_stored[frame.number];
-        EXPECT_TRUE(DecodeKeyframe(reader->GetPacket(frame.id).value()).ok());
-      }
-      EXPECT_THAT(num_stored, Each(1));
-      EXPECT_GE(frames.size(), expected.num_acknowledged[i]) << expected.backup;
-      EXPECT_EQ(session.num_keyframes, static_cast<int64_t>(frames.size()));
-    }
+    SCOPED_TRACE(expected.backup);
+    for (const AcknowledgedKeyframes& acknowledged : expected.acknowledged) ExpectKeyframes(*reader, acknowledged);
     EXPECT_EQ(again->Stop(), 0);
   }
 }

@@ -83,12 +83,18 @@ std::optional<int> ServerProcess::Stop() {
   return process_->Wait(kCommandTimeout);
 }
 
-void ServiceTest::StartServer() { server_ = std::make_unique<ServerProcess>(folder_.File("map.db"), folder_); }
+void ServiceTest::StartServer(const std::vector<std::string>& more) {
+  server_arguments_ = more;
+  server_ = std::make_unique<ServerProcess>(database(), folder_, /*port=*/0, server_arguments_);
+}
+
+void ServiceTest::RestartServer() {
+  server_ = std::make_unique<ServerProcess>(database(), folder_, server_->port(), server_arguments_);
+}
 
 void ServiceTest::KillAndRestartServer() {
-  const int port = server_->port();
   server_->Kill();
-  server_ = std::make_unique<ServerProcess>(folder_.File("map.db"), folder_, port);
+  RestartServer();
 }
 
 std::vector<std::string> ServiceTest::ReplayArguments(const std::string& sequence, const std::string& device,

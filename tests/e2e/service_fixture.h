@@ -63,11 +63,14 @@ struct Replayed {
 /// A server on a fresh database in a temporary folder, and replays against it.
 class ServiceTest : public testing::Test {
  protected:
-  void StartServer();
-  /// SIGKILL, then a new server on the same database and the same port.
+  /// `more` arguments are appended, also when it is started again.
+  void StartServer(const std::vector<std::string>& more = {});
+  /// A new server on the same database and the same port, the one before having ended.
+  void RestartServer();
   void KillAndRestartServer();
   ServerProcess& server() { return *server_; }
   const TempFolder& folder() const { return folder_; }
+  std::string database() const { return folder_.File("map.db"); }
 
   /// Arguments of a replay whose files are named after `device`; `more` is appended.
   std::vector<std::string> ReplayArguments(const std::string& sequence, const std::string& device,
@@ -81,6 +84,7 @@ class ServiceTest : public testing::Test {
 
  private:
   TempFolder folder_;
+  std::vector<std::string> server_arguments_;
   std::unique_ptr<ServerProcess> server_;
 };
 
