@@ -222,7 +222,9 @@ class CrashUnderLoadTest : public ServiceTest {
     operators_.push_back(std::make_unique<Operator>("backup", address_, [this](AdminClient& client) {
       const std::vector<AcknowledgedKeyframes> acknowledged = Acknowledged();
       const std::string file = fmt::format("{}/{}.db", backups_, num_backups_++);
-      MAPP_RETURN_IF_ERROR(client.BackUp(file, 0, [](const BackupProgress&) {}, {}).status());
+      BackupOptions backup;
+      backup.to = file;
+      MAPP_RETURN_IF_ERROR(client.BackUp(backup, {}).status());
       ExpectSound(file, acknowledged);
       std::filesystem::remove(file);
       return absl::OkStatus();
