@@ -159,7 +159,9 @@ class MapStore {
   /// wait together may share one commit; each sees those before it; one that returns an error, or throws (INTERNAL), is
   /// undone alone and its error returned. `on_commit`, if given, runs after the commit, in commit order, before Write
   /// returns and before any later change's: publish caches there. Neither may call Write.
-  /// RESOURCE_EXHAUSTED on a full disk, DEADLINE_EXCEEDED when the deadline passed before the change began.
+  /// RESOURCE_EXHAUSTED on a full disk, DEADLINE_EXCEEDED when the deadline passed before the change began. UNAVAILABLE
+  /// when the disk fails: nobody reads anything of the change, but should the process end before a later one is durable,
+  /// it may be there when the store is opened again, whole.
   /// A change that has begun is never abandoned.
   virtual Status Write(const CallContext& context, std::function<Status(MapWriter&)> change,
                        std::function<void()> on_commit = {}) = 0;

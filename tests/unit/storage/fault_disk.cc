@@ -66,7 +66,7 @@ void FaultDisk::Start(const std::string& folder) {
   const MutexLock lock(mutex_);
   folder_ = folder;
   fault_ = {};
-  num_operations_ = 0;
+  num_operations_ = num_syncs_ = 0;
   struck_.clear();
   is_off_ = keeps_all_ = false;
   names_.clear();
@@ -82,7 +82,7 @@ void FaultDisk::Insert(const DiskFault& fault) {
   const MutexLock lock(mutex_);
   fault_ = fault;
   rng_ = Rng(fault.seed);
-  num_operations_ = 0;
+  num_operations_ = num_syncs_ = 0;
   struck_.clear();
 }
 
@@ -99,6 +99,11 @@ void FaultDisk::CutPower() {
 int64_t FaultDisk::num_operations() {
   const MutexLock lock(mutex_);
   return num_operations_;
+}
+
+int64_t FaultDisk::num_syncs() {
+  const MutexLock lock(mutex_);
+  return num_syncs_;
 }
 
 bool FaultDisk::is_off() {
@@ -309,6 +314,7 @@ FaultDisk::Error FaultDisk::Sync(const File& file) {
   const MutexLock lock(mutex_);
   const bool was_off = is_off_;
   const Error error = Operate("sync", file != nullptr ? file->name : "a temporary file");
+  num_syncs_ += error == Error::kNone;
   if (file == nullptr || fault_.ignores_syncs) return error;
   if (error == Error::kNone) {
     file->KeepAll();

@@ -50,6 +50,8 @@ class FaultDisk {
   void Reboot();
 
   int64_t num_operations();
+  /// Of files, that succeeded.
+  int64_t num_syncs();
   bool is_off();
   /// The operation that went wrong first, for messages; empty when none has.
   std::string struck();
@@ -86,6 +88,7 @@ class FaultDisk {
   DiskFault fault_ ABSL_GUARDED_BY(mutex_);
   Rng rng_ ABSL_GUARDED_BY(mutex_){1};
   int64_t num_operations_ ABSL_GUARDED_BY(mutex_) = 0;
+  int64_t num_syncs_ ABSL_GUARDED_BY(mutex_) = 0;
   std::string struck_ ABSL_GUARDED_BY(mutex_);
   bool is_off_ ABSL_GUARDED_BY(mutex_) = false;
   bool keeps_all_ ABSL_GUARDED_BY(mutex_) = false;  ///< what is pending when the power goes

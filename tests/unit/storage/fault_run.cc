@@ -23,7 +23,8 @@ constexpr int kRefusalsOfALastingFault = 3;
 
 class FaultRun {
  public:
-  FaultRun(const DiskFault& fault, const FaultRunOptions& options) : disk_(DiskUnderSqlite()), fault_(fault) {
+  FaultRun(const DiskFault& fault, const FaultRunOptions& options)
+      : disk_(DiskUnderSqlite()), fault_(fault), ends_when_refused_(options.ends_when_refused) {
     options_.page_size_bytes = options.page_bytes;
     options_.sync_commits = options.sync_commits;
     options_.unix_now_ns = [this] { return now_ns_; };
@@ -67,6 +68,7 @@ class FaultRun {
       if (disk_.is_off()) return false;
       ++result_.num_refused;
       CheckRefusal(what, status);
+      if (ends_when_refused_) disk_.CutPower();
       if (IsLasting() && attempt == kRefusalsOfALastingFault) disk_.Heal();
       if (attempt > (IsLasting() ? kRefusalsOfALastingFault : 1)) {
         Problem(fmt::format("{} does not succeed after the fault: {}", what, status.ToString()));
@@ -164,7 +166,7 @@ class FaultRun {
     store_ = *std::move(opened);
     const StatusOr<std::string> left = Dump(*store_);
     if (!left.ok()) return Problem("what is left cannot be read: " + left.status().ToString());
-    // What was not answered may be there or not, but whole.
+    // What was not answered may be there or not, but whole; and what was refused, until a later change is durable.
     if (*left != Mirrored() && in_flight_) Mirror(*in_flight_);
     if (*left != Mirrored()) Problem("what is left is not what was acknowledged");
     Verify(file_);
@@ -192,6 +194,7 @@ class FaultRun {
 
   FaultDisk& disk_;
   const DiskFault fault_;
+  const bool ends_when_refused_;
   const TempFolder folder_;
   const std::string file_ = folder_.File("maps.db");
   SqliteOptions options_;

@@ -13,6 +13,8 @@ struct FaultRunOptions {
   bool sync_commits = true;
   /// Small, so that the log is folded into the file now and then.
   int page_bytes = 1024;
+  /// The power goes as soon as something is refused.
+  bool ends_when_refused = false;
 };
 
 struct FaultRunResult {

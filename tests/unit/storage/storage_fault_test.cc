@@ -55,17 +55,21 @@ Sweep SweepOver(DiskFault fault, int64_t num_runs, const FaultRunOptions& option
 struct Case {
   std::string name;
   Kind kind;
+  bool ends_when_refused = false;
 };
 void PrintTo(const Case& kind, std::ostream* stream) { *stream << kind.name; }
 class StorageFaultTest : public testing::TestWithParam<Case> {};
 INSTANTIATE_TEST_SUITE_P(Kinds, StorageFaultTest,
-                         testing::Values(Case{"OperationFails", Kind::kFail}, Case{"AllFailFromThere", Kind::kFailFrom},
-                                         Case{"DiskIsFull", Kind::kFull}, Case{"WriteStopsHalfWay", Kind::kShortWrite},
+                         testing::Values(Case{"OperationFails", Kind::kFail},
+                                         Case{"OperationFailsAndThePowerGoes", Kind::kFail, true},
+                                         Case{"AllFailFromThere", Kind::kFailFrom}, Case{"DiskIsFull", Kind::kFull},
+                                         Case{"WriteStopsHalfWay", Kind::kShortWrite},
                                          Case{"PowerIsCut", Kind::kPowerCut}),
                          [](const auto& value) { return value.param.name; });
 
 TEST_P(StorageFaultTest, KeepsExactlyWhatItAcknowledged) {
-  const Sweep sweep = SweepOver({.kind = GetParam().kind}, NumRuns());
+  const Sweep sweep =
+      SweepOver({.kind = GetParam().kind}, NumRuns(), {.ends_when_refused = GetParam().ends_when_refused});
   EXPECT_GT(sweep.num_struck, sweep.num_runs * 9 / 10);
   EXPECT_THAT(sweep.problems, testing::IsEmpty());
 }
