@@ -98,6 +98,11 @@ struct SharedMapSender::Impl {
   void StoreBlob(const WaitingBlob& waiting) {
     const CallContext context = CallContext::WithTimeout(std::chrono::seconds(10));
     const Status stored = store.Write(context, [&](MapWriter& writer) -> Status {
+      // What has changed meanwhile may hold what was taken out of the map for good.
+      MAPP_ASSIGN_OR_RETURN(const MapRecord map, writer.GetMap(waiting.map));
+      MAPP_ASSIGN_OR_RETURN(const std::optional<TileRecord> tile,
+                            FindTile(writer, {waiting.map, map.tile_edge_m, waiting.key}));
+      if (!tile || tile->revision != waiting.blob.revision) return absl::OkStatus();
       const StatusOr<std::optional<TileBlob>> present = writer.GetTileBlob(waiting.map, waiting.key);
       if (!present.ok() && !absl::IsDataLoss(present.status())) return present.status();
       if (present.ok() && *present && (*present)->revision >= waiting.blob.revision) return absl::OkStatus();
