@@ -103,7 +103,10 @@ Status StagedFile::Commit(Existing existing) {
   }
   if (rename(path_.c_str(), target_.c_str()) != 0) return FileError(target_, errno);
   committed_ = true;
-  return SyncFolder(std::filesystem::path(target_).parent_path().string());
+  const Status synced = SyncFolder(std::filesystem::path(target_).parent_path().string());
+  // What fails leaves nothing; only what has been replaced cannot be brought back.
+  if (!synced.ok() && existing == Existing::kRefuse) unlink(target_.c_str());
+  return synced;
 }
 
 Status SyncFolder(const std::string& folder) {

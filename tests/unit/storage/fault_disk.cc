@@ -67,6 +67,7 @@ void FaultDisk::Start(const std::string& folder) {
   folder_ = folder;
   fault_ = {};
   num_operations_ = num_syncs_ = 0;
+  operations_.clear();
   struck_.clear();
   is_off_ = keeps_all_ = false;
   names_.clear();
@@ -83,6 +84,7 @@ void FaultDisk::Insert(const DiskFault& fault) {
   fault_ = fault;
   rng_ = Rng(fault.seed);
   num_operations_ = num_syncs_ = 0;
+  operations_.clear();
   struck_.clear();
 }
 
@@ -99,6 +101,11 @@ void FaultDisk::CutPower() {
 int64_t FaultDisk::num_operations() {
   const MutexLock lock(mutex_);
   return num_operations_;
+}
+
+std::vector<std::string> FaultDisk::operations() {
+  const MutexLock lock(mutex_);
+  return operations_;
 }
 
 int64_t FaultDisk::num_syncs() {
@@ -166,13 +173,20 @@ void FaultDisk::KeepSome(Inode& file) {
 
 void FaultDisk::Strike(const char* what, const std::string& name) {
   if (!struck_.empty()) return;
-  struck_ = fmt::format("operation {}, {} {}", num_operations_ - 1, what, fs::path(name).filename().string());
+  struck_ = fmt::format("operation {}, {}", num_operations_ - 1, Describe(what, name));
+}
+
+std::string FaultDisk::Describe(const char* what, const std::string& name) const {
+  return fmt::format("{} {}", what, name == folder_ ? "the folder" : fs::path(name).filename().string());
 }
 
 /// Counts an operation. What a full disk and a short write mean is for Write to say.
 FaultDisk::Error FaultDisk::Operate(const char* what, const std::string& name) {
   const int64_t number = num_operations_++;
   switch (fault_.kind) {
+    case DiskFault::Kind::kNone:
+      operations_.push_back(Describe(what, name));
+      break;
     case DiskFault::Kind::kFail:
       if (number != fault_.at) break;
       Strike(what, name);
@@ -234,6 +248,11 @@ FaultDisk::Error FaultDisk::Remove(const std::string& name) {
   if (const Error error = Operate("delete", name); error != Error::kNone) return error;
   if (names_.contains(name)) ChangeNames({{name, nullptr}});
   return Error::kNone;
+}
+
+void FaultDisk::Removed(const std::string& name) {
+  const MutexLock lock(mutex_);
+  if (!is_off_ && names_.contains(name)) ChangeNames({{name, nullptr}});
 }
 
 FaultDisk::Error FaultDisk::Rename(const std::string& from, const std::string& to) {

@@ -50,6 +50,8 @@ class FaultDisk {
   void Reboot();
 
   int64_t num_operations();
+  /// What they were, while there was no fault: "write maps.db-wal".
+  std::vector<std::string> operations();
   /// Of files, that succeeded.
   int64_t num_syncs();
   bool is_off();
@@ -61,6 +63,8 @@ class FaultDisk {
   /// The file of that name, which has been opened.
   File Opened(const std::string& name);
   Error Remove(const std::string& name);
+  /// Somebody has removed it past the disk.
+  void Removed(const std::string& name);
   Error Rename(const std::string& from, const std::string& to);
   Error SyncNames();
   /// The file that an open descriptor stands for; null when it is not of this disk.
@@ -77,6 +81,7 @@ class FaultDisk {
   /// One atomic change of the folder: names and what they stand for, null for nothing.
   using NameChange = std::vector<std::pair<std::string, File>>;
 
+  std::string Describe(const char* what, const std::string& name) const ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   Error Operate(const char* what, const std::string& name) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void Strike(const char* what, const std::string& name) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
   void ChangeNames(NameChange change) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
@@ -88,6 +93,7 @@ class FaultDisk {
   DiskFault fault_ ABSL_GUARDED_BY(mutex_);
   Rng rng_ ABSL_GUARDED_BY(mutex_){1};
   int64_t num_operations_ ABSL_GUARDED_BY(mutex_) = 0;
+  std::vector<std::string> operations_ ABSL_GUARDED_BY(mutex_);
   int64_t num_syncs_ ABSL_GUARDED_BY(mutex_) = 0;
   std::string struck_ ABSL_GUARDED_BY(mutex_);
   bool is_off_ ABSL_GUARDED_BY(mutex_) = false;

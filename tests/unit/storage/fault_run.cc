@@ -40,6 +40,7 @@ class FaultRun {
       if (store_ != nullptr) DoStep(step);
     }
     result_.num_operations = disk_.num_operations();
+    result_.operations = disk_.operations();
     // Half of the runs end as a server does that is told to.
     if (fault_.seed % 2 == 0 && store_ != nullptr && !disk_.is_off()) Close();
     disk_.CutPower();
@@ -83,9 +84,10 @@ class FaultRun {
     const bool is_full = fault_.kind == DiskFault::Kind::kFull;
     const bool is_expected = is_full ? absl::IsResourceExhausted(status) : absl::IsUnavailable(status);
     const std::string message(status.message());
-    const bool is_clear = message.find(is_full ? "disk full" : "SQLite code") != std::string::npos &&
-                          message.find('\n') == std::string::npos;
-    if (!is_expected || !is_clear) Problem(fmt::format("{} is refused with {}", what, status.ToString()));
+    const bool is_clear = message.find(is_full ? "disk full" : "error") != std::string::npos ||
+                          message.find("SQLite code") != std::string::npos;
+    if (!is_expected || !is_clear || message.find('\n') != std::string::npos)
+      Problem(fmt::format("{} is refused with {}", what, status.ToString()));
   }
 
   void Reopen() {

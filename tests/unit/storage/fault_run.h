@@ -20,6 +20,7 @@ struct FaultRunOptions {
 struct FaultRunResult {
   std::string struck;  ///< the operation that went wrong; empty when the run came to its end before
   int64_t num_operations = 0;
+  std::vector<std::string> operations;  ///< of a run without a fault
   int num_acknowledged = 0;
   int num_refused = 0;
   /// What the store has not kept of its promises.

@@ -9,7 +9,6 @@
 #include <string>
 #include <string_view>
 #include <sys/stat.h>
-#include <sys/syscall.h>
 #include <unistd.h>
 
 namespace mapp {
@@ -230,6 +229,11 @@ extern "C" int fsync(int descriptor) {
 
 extern "C" int rename(const char* from, const char* to) noexcept {
   const auto error = mapp::Disk().Rename(from, to);
-  if (error != mapp::Error::kNone) return mapp::Fail(error);
-  return static_cast<int>(syscall(SYS_rename, from, to));
+  return error == mapp::Error::kNone ? renameat(AT_FDCWD, from, AT_FDCWD, to) : mapp::Fail(error);
+}
+
+extern "C" int unlink(const char* name) noexcept {
+  if (unlinkat(AT_FDCWD, name, 0) != 0) return -1;
+  mapp::Disk().Removed(name);
+  return 0;
 }
