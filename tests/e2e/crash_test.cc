@@ -12,6 +12,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <csignal>
 #include <cstdlib>
 #include <iostream>
 #include <map>
@@ -39,6 +40,9 @@ constexpr int kKillsAMap = 10;
 /// How often the database is looked through while the server is dead.
 constexpr int kKillsBetweenLooks = 20;
 constexpr std::chrono::microseconds kLongestPause(250'000);
+/// Every so many kills another one hits the next server at its start.
+constexpr uint64_t kKillsAStart = 4;
+constexpr std::chrono::microseconds kLongestStart(100'000);
 constexpr std::chrono::minutes kAnswerTimeout(1);
 
 constexpr int kNumKillsOfReplays = 4;
@@ -78,7 +82,9 @@ class Operator {
   Operator(std::string name, ServedAddress& address, std::function<Status(AdminClient&)> ask)
       : name_(std::move(name)), address_(address), ask_(std::move(ask)), thread_([this] { Run(); }) {}
   /// After the address was set to nothing.
-  void Join() { thread_.join(); }
+  void Join() {
+    if (thread_.joinable()) thread_.join();
+  }
   const std::string& name() const { return name_; }
   /// Waits until it has been answered once from now on.
   void ExpectAnswer() {
@@ -252,6 +258,29 @@ class CrashUnderLoadTest : public ServiceTest {
         }));
   }
 
+  /// By killing the server under them.
+  void StopOperators() {
+    address_.Set("");
+    server().Kill();
+    for (const auto& one : operators_) one->Join();
+  }
+  void TearDown() override {
+    if (HasFatalFailure()) StopOperators();
+  }
+
+  /// The moment of a kill.
+  static void SleepAtRandom(std::chrono::microseconds longest, Rng& rng) {
+    std::this_thread::sleep_for(std::chrono::microseconds(rng.Below(static_cast<uint64_t>(longest.count()))));
+  }
+  /// While it takes up what the one before it has left.
+  void KillStartingServer(Rng& rng) {
+    Process starting({MappServerBinary(), "--db", database(), "--listen", "127.0.0.1:0"}, folder().path());
+    SleepAtRandom(kLongestStart, rng);
+    starting.Signal(SIGKILL);
+    EXPECT_EQ(starting.Wait(kAnswerTimeout), 128 + SIGKILL) << starting.StandardError();
+    ++num_kills_at_start_;
+  }
+
   static void ExpectSound(const std::string& file, const std::vector<AcknowledgedKeyframes>& acknowledged) {
     SCOPED_TRACE(file);
     const Finished verified = RunMapp({"verify", "--db", file});
@@ -267,6 +296,7 @@ class CrashUnderLoadTest : public ServiceTest {
   std::counting_semaphore<> acknowledged_{0};
   std::vector<std::unique_ptr<Operator>> operators_;
   std::atomic<int> num_backups_ = 0;
+  int num_kills_at_start_ = 0;
   Mutex mutex_;
   std::string map_ ABSL_GUARDED_BY(mutex_);
   std::vector<std::unique_ptr<Uploader>> uploaders_ ABSL_GUARDED_BY(mutex_);
@@ -281,36 +311,40 @@ TEST_F(CrashUnderLoadTest, EveryAcknowledgedKeyframeIsThereExactlyOnce) {
     if (kill % kKillsAMap == 0) ChangeUploaders(fmt::format("room {}", kill / kKillsAMap));
     if (kill == 0) StartOperators();
     address_.Set(server().address());
+    while (acknowledged_.try_acquire()) continue;
     {
       const MutexLock lock(mutex_);
       for (const auto& uploader : uploaders_) uploader->Allow(kKeyframesAKill);
     }
-    while (acknowledged_.try_acquire()) continue;
     for (uint64_t enough = rng.Below(kNumUploaders * kKeyframesAKill); enough > 0; --enough) {
       ASSERT_TRUE(acknowledged_.try_acquire_for(kAnswerTimeout)) << "nothing is uploaded after kill " << kill;
     }
-    // The moment of the kill.
-    std::this_thread::sleep_for(std::chrono::microseconds(rng.Below(kLongestPause.count())));
+    SleepAtRandom(kLongestPause, rng);
     server().Kill();
+    if (rng.Below(kKillsAStart) == 0) KillStartingServer(rng);
     if (kill % kKillsBetweenLooks == kKillsBetweenLooks - 1) ExpectSound(database(), Acknowledged());
     RestartServer();
   }
   address_.Set(server().address());
   for (const auto& one : operators_) one->ExpectAnswer();
-  KillAndRestartServer();
-  address_.Set("");
+  StopOperators();
   for (const auto& one : operators_) {
-    one->Join();
     EXPECT_GT(one->num_cut_short(), 0) << one->name();
     std::cout << one->name() << ": " << one->num_done() << " done, " << one->num_cut_short() << " cut short; ";
   }
+  RestartServer();
   StopUploaders();
   int num_acknowledged = 0;
   for (const AcknowledgedKeyframes& session : Acknowledged()) num_acknowledged += static_cast<int>(session.count);
   std::cout << num_acknowledged << " keyframes acknowledged, " << num_retries_ << " attempts failed, "
-            << NumKillsUnderLoad() << " kills, " << std::filesystem::file_size(database()) / 1'000'000 << " MB\n";
+            << NumKillsUnderLoad() << " kills, " << num_kills_at_start_ << " at the start, "
+            << std::filesystem::file_size(database()) / 1'000'000 << " MB\n";
   EXPECT_EQ(server().Stop(), 0);
   ExpectSound(database(), Acknowledged());
+  // Of which nobody was told, because the server was killed just then.
+  for (const auto& entry : std::filesystem::directory_iterator(backups_)) {
+    if (entry.path().extension() == ".db") ExpectSound(entry.path().string(), {});
+  }
 }
 
 }  // namespace

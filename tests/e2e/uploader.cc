@@ -26,6 +26,14 @@ Uploader::Uploader(const UploaderOptions& options) : options_(options) {
   thread_ = std::jthread([this](const std::stop_token& stop) { Run(stop); });
 }
 
+Uploader::~Uploader() {
+  if (!thread_.joinable()) return;
+  // The test has failed: do not wait for a server that may have gone.
+  thread_.request_stop();
+  client_->Cancel();
+  allowed_.release();
+}
+
 void Uploader::Stop() {
   thread_.request_stop();
   allowed_.release();

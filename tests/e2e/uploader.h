@@ -36,6 +36,9 @@ struct AcknowledgedKeyframes {
 class Uploader {
  public:
   explicit Uploader(const UploaderOptions& options);
+  ~Uploader();
+  Uploader(const Uploader&) = delete;
+  Uploader& operator=(const Uploader&) = delete;
 
   /// Keyframes 0 to this number less one are acknowledged.
   uint32_t num_acknowledged() const { return num_acknowledged_; }
