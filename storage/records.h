@@ -4,6 +4,7 @@
 #include "mapp/camera/camera_model.h"
 #include "mapp/feature/feature.h"
 #include "mapp/feature/feature_settings.h"
+#include "mapp/geometry/oriented_box.h"
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/keyframe.h"
 #include "mapp/map/tile.h"
@@ -137,12 +138,14 @@ enum class RevisionCause : uint8_t {
   kOptimization = 4,
   kFusion = 5,  ///< points that turned out to be one
   kRescaling = 6,
-  kRetirement = 7,   ///< of what a quarantined session had brought
-  kReversion = 8,    ///< a session's whole contribution was taken out on command
-  kReturn = 9,       ///< what had been taken out or left out of a session has entered the map
-  kErasure = 10,     ///< a session was forgotten
-  kImport = 11,      ///< all of the map came from a bundle
-  kLast = kImport,  ///< storage/sqlite/verify_catalog.cc knows it as a number
+  kRetirement = 7,  ///< of what a quarantined session had brought
+  kReversion = 8,   ///< a session's whole contribution was taken out on command
+  kReturn = 9,      ///< what had been taken out or left out of a session has entered the map
+  kErasure = 10,    ///< a session was forgotten
+  kImport = 11,     ///< all of the map came from a bundle
+  kChange = 12,     ///< an accepted change of the world was applied
+  kChangeUndone = 13,
+  kLast = kChangeUndone,  ///< storage/sqlite/verify_catalog.cc knows it as a number
 };
 
 struct RevisionRecord {
@@ -166,6 +169,48 @@ struct SessionDiff {
   int64_t frames_added = 0, frames_moved = 0, frames_removed = 0;
   int64_t points_added = 0, points_moved = 0, points_removed = 0;
   friend bool operator==(const SessionDiff&, const SessionDiff&) = default;
+};
+
+/// What a device on a shared map found of its points, as it sent it (codec/evidence_codec.h).
+struct EvidenceRecord {
+  SessionId session;
+  uint32_t number = 0;      ///< the session's own, from 0: makes a report idempotent
+  int64_t received_ns = 0;  ///< Unix time
+  std::string packet;
+};
+
+/// What became of a thing in the world. The values are stored.
+enum class ChangeKind : uint8_t { kAppeared = 1, kVanished = 2, kMoved = 3 };
+
+/// What an operator made of a change. The values are stored.
+enum class ChangeStatus : uint8_t {
+  kProposed = 1,
+  kAccepted = 2,  ///< and applied to the map
+  kRejected = 3,  ///< no change: what it rests on proposes it no more
+};
+
+/// A change of the world that a map's history tells of (DESIGN 10). Times are the server's: devices' clocks may differ.
+struct ChangeRecord {
+  ChangeId id;
+  MapId map;
+  ChangeKind kind = ChangeKind::kVanished;
+  ChangeStatus status = ChangeStatus::kProposed;
+  double confidence = 0;  ///< probability in [0, 1] that it has happened
+  /// It happened between these, Unix times: openings of the last session that found things as they were before, and of
+  /// the first that found them as they are after.
+  int64_t after_ns = 0;
+  int64_t before_ns = 0;
+  /// Openings of the first and the last session that saw the thing where it was (kAppeared: where it is), Unix time.
+  int64_t first_seen_ns = 0;
+  int64_t last_seen_ns = 0;
+  std::vector<SessionId> sessions;  ///< whose evidence it rests on, ascending
+  /// In the map's frame. kVanished has the first, kAppeared the second, kMoved both.
+  std::optional<OrientedBox> box_before;
+  std::optional<OrientedBox> box_after;
+  std::vector<MapPointId> points_before;  ///< of the thing where it was, ascending
+  std::vector<MapPointId> points_after;   ///< of the thing where it is, ascending
+  Revision detected;                      ///< the map's when it was found
+  std::optional<Revision> applied;        ///< that its acceptance made
 };
 
 /// An encoded tile and the revision whose content it holds.

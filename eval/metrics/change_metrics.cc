@@ -65,7 +65,7 @@ class Matcher {
     const double iou = IntersectionOverUnion(*detected, *actual);
     if (iou >= matching_.min_iou) return iou;
     constexpr double kCenterOnly = 1e-6;  // comes after every agreement in volume
-    return actual->Contains(detected->T_world_box.translation(), matching_.margin_m) ? kCenterOnly + iou : 0;
+    return actual->Contains(detected->T_frame_box.translation(), matching_.margin_m) ? kCenterOnly + iou : 0;
   }
 
   /// Which places of the change the detection tells of, kinds considered.

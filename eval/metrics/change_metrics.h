@@ -1,8 +1,8 @@
 #pragma once
 
-#include "eval/metrics/oriented_box.h"
 #include "eval/metrics/statistics.h"
 #include "mapp/base/status.h"
+#include "mapp/geometry/oriented_box.h"
 #include "sim/world/world.h"
 
 #include <array>

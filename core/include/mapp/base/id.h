@@ -27,6 +27,8 @@ using CameraId = Id<struct CameraIdTag>;
 /// A keyframe once it stands in a map.
 using FrameId = Id<struct FrameIdTag>;
 using MapPointId = Id<struct MapPointIdTag>;
+/// A change of the world that a map's history tells of.
+using ChangeId = Id<struct ChangeIdTag>;
 /// Grows with every commit to a map; 0 is the empty map.
 using Revision = Id<struct RevisionTag>;
 

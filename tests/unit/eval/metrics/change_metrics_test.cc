@@ -185,11 +185,11 @@ TEST(TrueChangesTest, TakeTheBoxesOfTheWorldsObjects) {
 
 TEST(ChangedPointsTest, CountsThePointsOfTheBoxes) {
   const std::vector<OrientedBox> boxes = {Car(0, 0, 0.5)};
-  const Pose3& T_world_box = boxes[0].T_world_box;
+  const Pose3& T_frame_box = boxes[0].T_frame_box;
   const std::vector<Eigen::Vector3d> points = {
-      T_world_box * Eigen::Vector3d(2, 0, 0), T_world_box * Eigen::Vector3d(-2, 0.8, 0.7),
-      T_world_box * Eigen::Vector3d(2.15, 0, 0),  // 5 cm before the bonnet
-      T_world_box * Eigen::Vector3d(4, 0, 0), T_world_box * Eigen::Vector3d(0, 3, 0)};
+      T_frame_box * Eigen::Vector3d(2, 0, 0), T_frame_box * Eigen::Vector3d(-2, 0.8, 0.7),
+      T_frame_box * Eigen::Vector3d(2.15, 0, 0),  // 5 cm before the bonnet
+      T_frame_box * Eigen::Vector3d(4, 0, 0), T_frame_box * Eigen::Vector3d(0, 3, 0)};
   const auto score = ScoreChangedPoints(points, {true, false, true, true, false}, boxes, 0.1);
   ASSERT_TRUE(score.ok()) << score.status();
   EXPECT_DOUBLE_EQ(*score->Precision(), 2.0 / 3);

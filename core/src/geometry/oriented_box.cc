@@ -1,14 +1,14 @@
-#include "eval/metrics/oriented_box.h"
+#include "mapp/geometry/oriented_box.h"
 
 namespace mapp {
 
-bool OrientedBox::Contains(const Eigen::Vector3d& p_world, double margin_m) const {
-  const Eigen::Vector3d p_box = T_world_box.Inverse() * p_world;
+bool OrientedBox::Contains(const Eigen::Vector3d& p_frame, double margin_m) const {
+  const Eigen::Vector3d p_box = T_frame_box.Inverse() * p_frame;
   return (p_box.cwiseAbs().array() <= size_m.array() / 2 + margin_m).all();
 }
 
-OrientedBox BoxIn(const Pose3& T_world_map, const Aabb& box_map) {
-  return {T_world_map * Pose3(Eigen::Quaterniond::Identity(), box_map.center()), box_map.sizes()};
+OrientedBox BoxIn(const Pose3& T_a_b, const Aabb& box_b) {
+  return {T_a_b * Pose3(Eigen::Quaterniond::Identity(), box_b.center()), box_b.sizes()};
 }
 
 double IntersectionOverUnion(const OrientedBox& a, const OrientedBox& b) {
@@ -16,7 +16,7 @@ double IntersectionOverUnion(const OrientedBox& a, const OrientedBox& b) {
   const OrientedBox& larger = a.Volume() <= b.Volume() ? b : a;
   if (!(smaller.Volume() > 0)) return 0;
   constexpr int kSteps = 16;
-  const Pose3 T_larger_smaller = larger.T_world_box.Inverse() * smaller.T_world_box;
+  const Pose3 T_larger_smaller = larger.T_frame_box.Inverse() * smaller.T_frame_box;
   const OrientedBox at_origin{Pose3(), larger.size_m};
   int num_common = 0;
   for (int x = 0; x < kSteps; ++x) {

@@ -4,18 +4,19 @@
 
 namespace mapp {
 
-/// A box that may be turned any way. Its own frame stands at its centre.
+/// A box that may be turned any way in the frame that its holder names (world or map). Its own frame stands at its
+/// centre.
 struct OrientedBox {
-  Pose3 T_world_box;
+  Pose3 T_frame_box;
   Eigen::Vector3d size_m = Eigen::Vector3d::Zero();
 
   /// Whether the point is inside the box made larger by `margin_m` on every side.
-  bool Contains(const Eigen::Vector3d& p_world, double margin_m = 0) const;
+  bool Contains(const Eigen::Vector3d& p_frame, double margin_m = 0) const;
   double Volume() const { return size_m.prod(); }
 };
 
-/// An axis-aligned box of another frame, such as the map's.
-OrientedBox BoxIn(const Pose3& T_world_map, const Aabb& box_map);
+/// A box that lies along the axes of frame `b`, told in frame `a`.
+OrientedBox BoxIn(const Pose3& T_a_b, const Aabb& box_b);
 
 /// Volume that both have in common over the volume that either has, in [0, 1]; 0 for boxes without volume. By 16^3
 /// regular samples of the smaller box: off by up to 0.03 for boxes turned against each other.
