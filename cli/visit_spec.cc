@@ -63,6 +63,16 @@ Status SetSensor(const std::string& key, const std::string& value, VisitSpec& sp
   return absl::OkStatus();
 }
 
+Status SetChangeKinds(const std::string& key, const std::string& value, VisitSpec& spec) {
+  spec.simulation.change_kinds.clear();
+  for (const std::string& name : Split(value, '+')) {
+    const std::optional<sim::ChangeKind> kind = ValueOf(kChangeKindChoices, name);
+    if (!kind) return absl::InvalidArgumentError(fmt::format("{}: {} is not {}", key, name, OneOf(kChangeKindChoices)));
+    spec.simulation.change_kinds.push_back(*kind);
+  }
+  return absl::OkStatus();
+}
+
 Status SetNoise(const std::string& key, const std::string& value, VisitSpec& spec) {
   double factor = 1;
   MAPP_RETURN_IF_ERROR(Parse(key, value, factor));
@@ -80,7 +90,7 @@ Status SetExposureTime(const std::string& key, const std::string& value, VisitSp
 #define MAPP_NUMBER(member) \
   [](const std::string& key, const std::string& value, VisitSpec& spec) { return Parse(key, value, spec.member); }
 
-constexpr std::array<Key, 16> kKeys = {{
+constexpr std::array<Key, 19> kKeys = {{
     {"users", MAPP_NUMBER(simulation.num_users)},
     {"path", MAPP_NUMBER(simulation.path_m)},
     {"seed", MAPP_NUMBER(simulation.seed)},
@@ -88,6 +98,9 @@ constexpr std::array<Key, 16> kKeys = {{
     {"sensor", SetSensor},
     {"rate", MAPP_NUMBER(simulation.rate_hz)},
     {"changes", MAPP_NUMBER(simulation.num_changes)},
+    {"changes-near", MAPP_NUMBER(simulation.change_reach_m)},
+    {"change-kinds", SetChangeKinds},
+    {"stable", MAPP_NUMBER(simulation.num_stable_visits)},
     {"passers", MAPP_NUMBER(simulation.num_passers)},
     {"trajectory",
      [](const std::string&, const std::string& value, VisitSpec& spec) {

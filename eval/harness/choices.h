@@ -2,6 +2,7 @@
 
 #include "mapp/camera/camera_model.h"
 #include "mapp/client/participant.h"
+#include "sim/world/world.h"
 
 #include <algorithm>
 #include <array>
@@ -28,6 +29,9 @@ inline constexpr std::array kInjectionChoices = {Choice<Injection>{"often", Inje
 inline constexpr std::array kSensorChoices = {
     Choice<SensorKind>{"rgbd", SensorKind::kRgbd}, Choice<SensorKind>{"stereo", SensorKind::kStereo},
     Choice<SensorKind>{"mono", SensorKind::kMono}, Choice<SensorKind>{"mono-inertial", SensorKind::kMonoInertial}};
+inline constexpr std::array kChangeKindChoices = {Choice<sim::ChangeKind>{"appeared", sim::ChangeKind::kAppeared},
+                                                  Choice<sim::ChangeKind>{"vanished", sim::ChangeKind::kVanished},
+                                                  Choice<sim::ChangeKind>{"moved", sim::ChangeKind::kMoved}};
 inline constexpr std::array kSwitchChoices = {Choice<bool>{"on", true}, Choice<bool>{"off", false}};
 
 /// The name of a value that is among the choices.

@@ -7,6 +7,7 @@
 #include <algorithm>
 #include <cmath>
 #include <cstdint>
+#include <iterator>
 #include <optional>
 #include <utility>
 #include <vector>
@@ -14,11 +15,23 @@
 namespace mapp::sim {
 namespace {
 
+using Places = std::vector<Eigen::Vector3d>;
+
+/// Whether a place lies within reach of any of `near`; all do when there are none.
+bool IsWithinReach(const Eigen::Vector3d& p_world, const Places& near, double reach_m) {
+  return near.empty() || std::any_of(near.begin(), near.end(),
+                                     [&](const Eigen::Vector3d& place) { return (place - p_world).norm() <= reach_m; });
+}
+
 constexpr int64_t kHour_ns = 3'600'000'000'000;
 
 /// The times between visits, in order; the hour after them if there is no time between.
-std::vector<std::pair<int64_t, int64_t>> GapsBetween(std::vector<std::pair<int64_t, int64_t>> visits_ns) {
+std::vector<std::pair<int64_t, int64_t>> GapsBetween(std::vector<std::pair<int64_t, int64_t>> visits_ns,
+                                                     int num_stable_visits) {
   std::ranges::sort(visits_ns);
+  // Up to the last of the stable ones there is no gap.
+  for (int i = 0; i + 1 < num_stable_visits; ++i)
+    visits_ns[static_cast<size_t>(i)].second = visits_ns[static_cast<size_t>(i) + 1].first;
   std::vector<std::pair<int64_t, int64_t>> gaps;
   int64_t end_ns = visits_ns.empty() ? 0 : visits_ns.front().second;
   for (const auto& [from_ns, to_ns] : visits_ns) {
@@ -59,10 +72,18 @@ T TakeAny(std::vector<T>& items, Rng& rng) {
 /// Deals out changes, one to an object, in the order of time.
 class ChangeMaker {
  public:
-  ChangeMaker(const std::vector<Spot>& free_spots, Rng& rng, World& world)
-      : free_spots_(free_spots), rng_(rng), world_(world) {
-    for (size_t i = 0; i < world.objects.size(); ++i) unchanged_.push_back(i);
+  ChangeMaker(const WorldOptions& options, const std::vector<Spot>& free_spots, Rng& rng, World& world)
+      : rng_(rng), world_(world) {
+    const auto may_change = [&](const Eigen::Vector3d& p_world) {
+      return IsWithinReach(p_world, options.change_near_world, options.change_reach_m);
+    };
+    std::ranges::copy_if(free_spots, std::back_inserter(free_spots_),
+                         [&](const Spot& spot) { return may_change(spot.ground_world); });
+    for (size_t i = 0; i < world.objects.size(); ++i) {
+      if (may_change(world.objects[i].placements.front().T_world_object->translation())) unchanged_.push_back(i);
+    }
   }
+  size_t num_changeable() const { return unchanged_.size(); }
 
   /// `kind` gives way to kVanished where no spot is free.
   void Make(ChangeKind kind, int64_t stamp_ns) {
@@ -113,17 +134,20 @@ class ChangeMaker {
 }  // namespace
 
 Status AddChanges(const WorldOptions& options, const std::vector<Spot>& free_spots, World& world) {
-  const size_t num_objects = world.objects.size();
+  if (options.num_changes == 0) return absl::OkStatus();
+  Rng rng(SeedOf(options.seed, 2));
+  ChangeMaker maker(options, free_spots, rng, world);
+  const size_t num_objects = maker.num_changeable();
   if (static_cast<size_t>(options.num_changes) > num_objects) {
     return absl::InvalidArgumentError(fmt::format("num_changes: {}, but the {} has {} things that can change",
                                                   options.num_changes, world.setting, num_objects));
   }
-  Rng rng(SeedOf(options.seed, 2));
-  ChangeMaker maker(free_spots, rng, world);
+  const std::vector<ChangeKind> all = {ChangeKind::kAppeared, ChangeKind::kVanished, ChangeKind::kMoved};
   // Kinds in blocks of three in a chance order, so that few changes are of all kinds too.
   std::vector<ChangeKind> kinds;
-  for (const int64_t stamp_ns : TimesInGaps(GapsBetween(options.visits_ns), options.num_changes)) {
-    if (kinds.empty()) kinds = {ChangeKind::kAppeared, ChangeKind::kVanished, ChangeKind::kMoved};
+  for (const int64_t stamp_ns :
+       TimesInGaps(GapsBetween(options.visits_ns, options.num_stable_visits), options.num_changes)) {
+    if (kinds.empty()) kinds = options.change_kinds.empty() ? all : options.change_kinds;
     maker.Make(TakeAny(kinds, rng), stamp_ns);
   }
   return absl::OkStatus();

@@ -32,6 +32,9 @@ struct SimulationOptions {
   double rate_hz = 0;  ///< images a second; 0: the camera's
   int num_changes = 0;
   int num_passers = 0;
+  double change_reach_m = 0;             ///< only what lies within this of some user's way changes; 0: all may
+  int num_stable_visits = 0;             ///< nothing changes before the end of so many visits
+  std::vector<ChangeKind> change_kinds;  ///< what may happen; empty: everything
   std::string textures_folder;
   /// TUM, T_world_camera: users fly these, in turn, instead of ways of their own; times count from the visit's start.
   std::vector<std::string> trajectory_files;

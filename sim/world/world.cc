@@ -38,6 +38,13 @@ Status Validate(const WorldOptions& options) {
   if (!(options.clearance_m >= 0 && options.clearance_m <= 10)) {
     return absl::InvalidArgumentError(fmt::format("clearance_m: {} is not in [0, 10]", options.clearance_m));
   }
+  if (options.num_stable_visits < 0 || static_cast<size_t>(options.num_stable_visits) > options.visits_ns.size()) {
+    return absl::InvalidArgumentError(fmt::format("num_stable_visits: {} is not in [0, {}], the visits",
+                                                  options.num_stable_visits, options.visits_ns.size()));
+  }
+  if (!(options.change_reach_m >= 0 && options.change_reach_m <= 1000)) {
+    return absl::InvalidArgumentError(fmt::format("change_reach_m: {} is not in [0, 1000]", options.change_reach_m));
+  }
   for (const auto& [from_ns, to_ns] : options.visits_ns) {
     if (from_ns > to_ns) {
       return absl::InvalidArgumentError(

@@ -98,6 +98,12 @@ struct WorldOptions {
   int num_changes = 0;  ///< objects that leave, come or are moved, shared out evenly in time
   /// Times between which the changes happen; changes fall between visits, never inside [start, end) of one.
   std::vector<std::pair<int64_t, int64_t>> visits_ns;
+  int num_stable_visits = 0;  ///< nothing changes before the end of so many visits
+  /// What may happen; empty: everything.
+  std::vector<ChangeKind> change_kinds;
+  /// Only things and places within `change_reach_m` of these points change; empty: all may.
+  std::vector<Eigen::Vector3d> change_near_world;
+  double change_reach_m = 0;
   int num_passers = 0;
   std::string textures_folder;  ///< photographs (JPEG, PNG) that paper the walls; empty: all is drawn
   /// Space that must stay free, such as given flights: nothing is put within `clearance_m` of these points.

@@ -1,0 +1,206 @@
+#include "server/changes/change_detector.h"
+
+#include "server/changes/upright_box.h"
+#include "storage/map_store.h"
+
+#include <algorithm>
+#include <cmath>
+#include <map>
+#include <optional>
+#include <tuple>
+#include <utility>
+
+namespace mapp {
+namespace {
+
+/// A thing's points as they are in the map, and what they tell together.
+class ThingCourse {
+ public:
+  ThingCourse(const ChangedThing& thing, std::span<const PointHistory> histories,
+              const std::map<SessionId, int64_t>& opened_ns, const DerivationOptions& options)
+      : options_(options) {
+    std::map<SessionId, Visit> by_session;
+    for (const size_t i : thing.points) {
+      for (const PointHistory::Visit& visit : histories[i].visits) {
+        if (!opened_ns.contains(visit.session)) continue;
+        Visit& all = by_session[visit.session];
+        all.session = visit.session;
+        all.evidence.time_ns = opened_ns.at(visit.session);
+        all.evidence.num_seen += visit.seen() ? 1 : 0;
+        all.evidence.num_missed += visit.missed() ? 1 : 0;
+        if (visit.seen()) all.views_that_saw.push_back(visit.num_seen);
+      }
+    }
+    const auto least = std::max(static_cast<double>(options.min_judged_points),
+                                options.min_judged_share * static_cast<double>(thing.points.size()));
+    for (auto& [session, visit] : by_session) {
+      const size_t num_judged = visit.evidence.num_seen + visit.evidence.num_missed;
+      if (static_cast<double>(num_judged) >= least) visits_.push_back(std::move(visit));
+    }
+  }
+
+  /// Calls `visit(ChangeRecord)` for everything that happened to it; boxes and points are left to the caller.
+  template <typename Visit>
+  void ForEachChange(const Visit& visit) const {
+    std::vector<PresenceEvidence> evidence;
+    for (const auto& one : visits_) evidence.push_back(one.evidence);
+    const PresencePosterior posterior = InferPresence(evidence, options_.presence);
+    for (size_t i = 0; i + 1 < visits_.size(); ++i) {
+      if (posterior.likely[i] == posterior.likely[i + 1]) continue;
+      const bool vanished = posterior.likely[i];
+      const auto [first, last] = StayAround(posterior, vanished ? i : i + 1);
+      if (first == last && !IsStill(visits_[first])) continue;
+      // Seen once and gone: somebody passed, or something stood there for a moment.
+      if (first == last && first > 0 && last + 1 < visits_.size()) continue;
+      ChangeRecord change;
+      change.kind = vanished ? ChangeKind::kVanished : ChangeKind::kAppeared;
+      change.confidence = vanished ? posterior.vanished[i] : posterior.appeared[i];
+      change.after_ns = visits_[i].evidence.time_ns;
+      change.before_ns = visits_[i + 1].evidence.time_ns;
+      change.first_seen_ns = visits_[first].evidence.time_ns;
+      change.last_seen_ns = visits_[last].evidence.time_ns;
+      const auto [other_first, other_last] = StayAround(posterior, vanished ? i + 1 : i);
+      for (size_t k = std::min(first, other_first); k <= std::max(last, other_last); ++k) {
+        change.sessions.push_back(visits_[k].session);
+      }
+      if (change.confidence >= options_.min_confidence) visit(std::move(change));
+    }
+  }
+
+ private:
+  struct Visit {
+    SessionId session;
+    PresenceEvidence evidence;
+    std::vector<uint16_t> views_that_saw;  // one a point
+  };
+
+  /// First and last visit of the unbroken stay (or absence) that visit i belongs to.
+  static std::pair<size_t, size_t> StayAround(const PresencePosterior& posterior, size_t i) {
+    size_t first = i, last = i;
+    while (first > 0 && posterior.likely[first - 1] == posterior.likely[i]) --first;
+    while (last + 1 < posterior.likely.size() && posterior.likely[last + 1] == posterior.likely[i]) ++last;
+    return {first, last};
+  }
+
+  bool IsStill(const Visit& visit) const {
+    if (visit.views_that_saw.empty()) return false;
+    std::vector<uint16_t> views = visit.views_that_saw;
+    const auto middle = views.begin() + static_cast<std::ptrdiff_t>(views.size() / 2);
+    std::nth_element(views.begin(), middle, views.end());
+    return *middle >= options_.min_views_of_one_visit;
+  }
+
+  const DerivationOptions& options_;
+  std::vector<Visit> visits_;
+};
+
+/// A change with the positions that its box is drawn around.
+struct Part {
+  ChangeRecord change;
+  std::vector<std::pair<MapPointId, Eigen::Vector3f>> points;
+};
+
+bool HappenedTogether(const ChangeRecord& a, const ChangeRecord& b) {
+  return a.kind == b.kind && std::max(a.after_ns, b.after_ns) < std::min(a.before_ns, b.before_ns);
+}
+
+double GapBetween(const Part& a, const Part& b) {
+  double least_m2 = std::numeric_limits<double>::infinity();
+  for (const auto& [id_a, p] : a.points) {
+    for (const auto& [id_b, q] : b.points) least_m2 = std::min<double>(least_m2, (p - q).squaredNorm());
+  }
+  return std::sqrt(least_m2);
+}
+
+void Absorb(Part& into, Part&& part) {
+  ChangeRecord& change = into.change;
+  change.after_ns = std::max(change.after_ns, part.change.after_ns);
+  change.before_ns = std::min(change.before_ns, part.change.before_ns);
+  change.first_seen_ns = std::min(change.first_seen_ns, part.change.first_seen_ns);
+  change.last_seen_ns = std::max(change.last_seen_ns, part.change.last_seen_ns);
+  change.confidence = std::max(change.confidence, part.change.confidence);
+  std::vector<SessionId> sessions;
+  std::ranges::set_union(change.sessions, part.change.sessions, std::back_inserter(sessions));
+  change.sessions = std::move(sessions);
+  into.points.insert(into.points.end(), part.points.begin(), part.points.end());
+}
+
+/// One thing may have been seen in parts that no session has judged together.
+std::vector<Part> JoinParts(std::vector<Part> parts, double max_gap_m) {
+  for (size_t i = 0; i < parts.size(); ++i) {
+    for (size_t k = i + 1; k < parts.size();) {
+      if (HappenedTogether(parts[i].change, parts[k].change) && GapBetween(parts[i], parts[k]) <= max_gap_m) {
+        Absorb(parts[i], std::move(parts[k]));
+        parts.erase(parts.begin() + static_cast<std::ptrdiff_t>(k));
+        k = i + 1;  // it has grown
+      } else {
+        ++k;
+      }
+    }
+  }
+  return parts;
+}
+
+ChangeRecord Finish(Part part, const Eigen::Vector3d& up_map, const DerivationOptions& options) {
+  std::vector<Eigen::Vector3f> positions;
+  std::vector<MapPointId> ids;
+  std::ranges::sort(part.points, {}, [](const auto& point) { return point.first; });
+  for (const auto& [id, p_map] : part.points) {
+    ids.push_back(id);
+    positions.push_back(p_map);
+  }
+  ChangeRecord change = std::move(part.change);
+  const bool vanished = change.kind == ChangeKind::kVanished;
+  (vanished ? change.box_before : change.box_after) =
+      UprightBox(positions, up_map, options.stray_share, options.min_side_m);
+  (vanished ? change.points_before : change.points_after) = std::move(ids);
+  return change;
+}
+
+}  // namespace
+
+StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, std::span<const SessionRecord> sessions,
+                                                  std::span<const FrameRecord> frames,
+                                                  std::span<const SessionFindings> findings,
+                                                  const DerivationOptions& options) {
+  std::map<SessionId, int64_t> opened_ns;
+  for (const SessionRecord& session : sessions) {
+    if (session.opened_ns >= options.from_ns && session.opened_ns <= options.to_ns) {
+      opened_ns.emplace(session.id, session.opened_ns);
+    }
+  }
+  std::vector<PointHistory> missed = HistoriesOfMissed(findings);
+  std::vector<MapPointId> ids;
+  for (const PointHistory& history : missed) ids.push_back(history.point);
+  MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> records, reader.FindPoints(ids));
+  std::map<MapPointId, const PointRecord*> live;
+  for (const PointRecord& record : records) {
+    if (record.in_map) live.emplace(record.id, &record);
+  }
+  std::vector<PointHistory> histories;
+  std::vector<Eigen::Vector3f> p_map;
+  for (PointHistory& history : missed) {
+    const auto record = live.find(history.point);
+    if (record == live.end()) continue;
+    p_map.push_back(record->second->position.cast<float>());
+    histories.push_back(std::move(history));
+  }
+  std::vector<Part> parts;
+  for (const ChangedThing& thing : GroupThings(histories, p_map, options.grouping)) {
+    ThingCourse(thing, histories, opened_ns, options).ForEachChange([&](ChangeRecord change) {
+      change.map = map;
+      Part part{std::move(change), {}};
+      for (const size_t i : thing.points) part.points.emplace_back(histories[i].point, p_map[i]);
+      parts.push_back(std::move(part));
+    });
+  }
+  const Eigen::Vector3d up_map = UpDirection(frames);
+  std::vector<ChangeRecord> changes;
+  for (Part& part : JoinParts(std::move(parts), options.max_part_gap_m)) {
+    changes.push_back(Finish(std::move(part), up_map, options));
+  }
+  std::ranges::stable_sort(changes, {}, &ChangeRecord::before_ns);
+  return changes;
+}
+
+}  // namespace mapp

@@ -1,0 +1,46 @@
+#pragma once
+
+#include "server/changes/point_history.h"
+#include "server/changes/presence.h"
+#include "server/changes/session_findings.h"
+#include "storage/records.h"
+
+#include <cstdint>
+#include <limits>
+#include <span>
+#include <vector>
+
+namespace mapp {
+
+class MapReader;
+
+struct DerivationOptions {
+  GroupingOptions grouping;
+  PresenceOptions presence;
+  /// Less likely changes are left out.
+  double min_confidence = 0.5;
+  /// A session tells of a thing when it has judged so many of its points, and this share of them.
+  size_t min_judged_points = 4;
+  double min_judged_share = 0.15;
+  /// What one visit alone has seen is a thing, and not somebody who passed, when so many of its views saw the median
+  /// point.
+  size_t min_views_of_one_visit = 2;
+  /// Boxes: share of a thing's points at either end that are taken for strays, and the least length of a side.
+  double stray_share = 0.02;
+  double min_side_m = 0.05;
+  /// Parts of one thing that changed alike lie no further apart than this.
+  double max_part_gap_m = 0.4;
+  /// Sessions opened in [from, to] tell, Unix time.
+  int64_t from_ns = std::numeric_limits<int64_t>::min();
+  int64_t to_ns = std::numeric_limits<int64_t>::max();
+};
+
+/// The changes that findings tell of, by the time they happened and then by their points; ids, status and revision are
+/// left to the caller. The same findings give the same changes. `sessions`: all of the map; `frames`: those that stand
+/// in it.
+StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, std::span<const SessionRecord> sessions,
+                                                  std::span<const FrameRecord> frames,
+                                                  std::span<const SessionFindings> findings,
+                                                  const DerivationOptions& options);
+
+}  // namespace mapp

@@ -1,0 +1,52 @@
+#pragma once
+
+#include "mapp/base/id.h"
+#include "mapp/base/status.h"
+#include "mapp/camera/camera_model.h"
+#include "mapp/geometry/pose3.h"
+#include "mapp/view/seen_geometry.h"
+#include "storage/records.h"
+
+#include <cstdint>
+#include <list>
+#include <map>
+#include <memory>
+#include <unordered_map>
+#include <vector>
+
+namespace mapp {
+
+class MapReader;
+
+/// A frame that stands in the map, as a witness: where it looked from, and where it measured surfaces.
+struct FrameView {
+  FrameView(const FrameRecord& record, const Camera& with_camera, double with_range_m, SeenGeometry with_geometry);
+
+  FrameId frame;
+  Pose3 T_map_camera;
+  Camera camera;
+  double range_m = 0;  ///< h of the map
+  SeenGeometry geometry;
+  Aabb box_map;  ///< around all that it can tell of
+};
+
+/// What frames of one map measured, read from the keyframe log when asked for; those used last are kept.
+class FrameViews {
+ public:
+  /// Borrows the reader.
+  FrameViews(MapReader& reader, const MapRecord& map, size_t max_kept);
+
+  StatusOr<std::shared_ptr<const FrameView>> Get(const FrameRecord& frame, const SessionRecord& session);
+
+ private:
+  using Kept = std::list<std::pair<FrameId, std::shared_ptr<const FrameView>>>;
+
+  MapReader& reader_;
+  const double range_m_;
+  const size_t max_kept_;
+  std::map<CameraId, Camera> cameras_;
+  Kept kept_;  // used last first
+  std::unordered_map<FrameId, Kept::iterator> index_;
+};
+
+}  // namespace mapp

@@ -1,0 +1,118 @@
+#include "server/changes/point_judge.h"
+
+#include "mapp/feature/feature.h"
+#include "server/changes/neighbor_grid.h"
+
+#include <algorithm>
+#include <cmath>
+#include <limits>
+#include <numbers>
+#include <utility>
+
+namespace mapp {
+namespace {
+
+/// Greatest angle between two rays to a point that see it alike (OVERLAP study).
+constexpr float kLikeViewCosine = 0.6427876F;  // of 50 degrees
+
+/// From a like direction, and from where the pyramid reaches it.
+bool IsSeenAlike(const SightedPoint& point, const Eigen::Vector3f& ray, float focal_px, float nearest_share) {
+  const float distance_m = ray.norm();
+  const float farthest_m = ReferenceFor(focal_px, point.reference_distance_m);
+  if (distance_m < nearest_share * farthest_m || distance_m > farthest_m * static_cast<float>(kPyramidScale)) {
+    return false;
+  }
+  for (uint32_t i = 0; i < point.num_directions; ++i) {
+    if (point.directions[i].dot(ray) >= kLikeViewCosine * distance_m) return true;
+  }
+  return false;
+}
+
+void Count(uint16_t& counter) {
+  if (counter < std::numeric_limits<uint16_t>::max()) ++counter;
+}
+
+}  // namespace
+
+void PointJudge::Add(const FrameView& view, std::span<const PointTiles::Points> tiles) {
+  const Pose3 T_camera_map = view.T_map_camera.Inverse();
+  const Eigen::Matrix3f R_camera_map = T_camera_map.RotationMatrix().cast<float>();
+  const Eigen::Vector3f t_camera_map = T_camera_map.translation().cast<float>();
+  const Eigen::Vector3f center_map = view.T_map_camera.translation().cast<float>();
+  const PinholeCamera pinhole = view.camera.Undistorted();
+  const auto focal_px = static_cast<float>(view.camera.MeanFocalPx());
+  const auto nearest_share = static_cast<float>(1 / OctaveScale(options_.num_levels - 1));
+  const float max_depth_m = std::min(static_cast<float>(view.range_m), view.geometry.farthest_depth_m());
+  for (const PointTiles::Points& tile : tiles) {
+    std::vector<Counts>& counts = counts_[tile];
+    counts.resize(tile->size());
+    for (size_t i = 0; i < tile->size(); ++i) {
+      const SightedPoint& point = (*tile)[i];
+      const Eigen::Vector3f p_camera = R_camera_map * point.p_map + t_camera_map;
+      if (p_camera.z() <= 0 || p_camera.z() > max_depth_m) continue;
+      // By the undistorted model: a distorted one folds far rays back into the image.
+      if (!view.camera.Contains(pinhole.Project(p_camera.cast<double>()), options_.image_margin_px)) continue;
+      if (!is_asked_(point)) continue;
+      if (!IsSeenAlike(point, point.p_map - center_map, focal_px, nearest_share)) continue;
+      switch (view.geometry.At(p_camera)) {
+        case Sighting::kSeen:
+          Count(counts[i].num_seen);
+          break;
+        case Sighting::kMissed:
+          Count(counts[i].num_missed);
+          break;
+        case Sighting::kUnknown:
+          break;
+      }
+    }
+  }
+}
+
+std::vector<PointFinding> PointJudge::Conclude() const {
+  struct Judged {
+    MapPointId id;
+    Counts counts;
+  };
+  std::vector<Judged> judged;
+  std::vector<Eigen::Vector3f> positions;
+  size_t num_missed = 0;
+  for (const auto& [tile, counts] : counts_) {
+    for (size_t i = 0; i < counts.size(); ++i) {
+      if (!counts[i].judged()) continue;
+      judged.push_back({(*tile)[i].id, counts[i]});
+      positions.push_back((*tile)[i].p_map);
+      num_missed += counts[i].missed() ? 1 : 0;
+    }
+  }
+  std::vector<bool> dropped(judged.size(), false);
+  if (num_missed > 0) {
+    const NeighborGrid grid(positions, options_.neighbor_radius_m);
+    std::vector<std::pair<float, size_t>> near;
+    for (size_t i = 0; i < judged.size(); ++i) {
+      if (!judged[i].counts.missed()) continue;
+      near.clear();
+      grid.VisitWithin(positions[i], [&](size_t j, float squared_m2) {
+        if (j != i) near.emplace_back(squared_m2, j);
+      });
+      // Ties by id: the order of tiles in memory is chance.
+      const auto is_nearer = [&](const auto& a, const auto& b) {
+        return a.first != b.first ? a.first < b.first : judged[a.second].id < judged[b.second].id;
+      };
+      const size_t num = std::min(options_.num_neighbors, near.size());
+      std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(num), near.end(), is_nearer);
+      size_t num_missed_near = 0;
+      for (size_t k = 0; k < num; ++k) num_missed_near += judged[near[k].second].counts.missed() ? 1 : 0;
+      dropped[i] = num == 0 ||
+                   static_cast<double>(num_missed_near) < options_.min_missed_neighbor_ratio * static_cast<double>(num);
+    }
+  }
+  std::vector<PointFinding> findings;
+  for (size_t i = 0; i < judged.size(); ++i) {
+    if (!dropped[i]) findings.push_back({judged[i].id, judged[i].counts.num_seen, judged[i].counts.num_missed});
+  }
+  std::sort(findings.begin(), findings.end(),
+            [](const PointFinding& a, const PointFinding& b) { return a.point < b.point; });
+  return findings;
+}
+
+}  // namespace mapp

@@ -1,0 +1,21 @@
+#pragma once
+
+#include "mapp/geometry/oriented_box.h"
+#include "storage/records.h"
+
+#include <Eigen/Core>
+
+#include <span>
+
+namespace mapp {
+
+/// Which way is up in a map: against the mean of the cameras' y axes, which point down for phones, cars and robots that
+/// are held upright. A map knows no gravity; sessions that roll and pitch average out. Unit. -Y without frames.
+Eigen::Vector3d UpDirection(std::span<const FrameRecord> frames);
+
+/// The smallest box with one axis along `up_map` around the points but for strays: of each direction the share
+/// `stray_share` at either end is left out. Sides are at least `min_side_m` long. Requires points.
+OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3d& up_map, double stray_share,
+                       double min_side_m);
+
+}  // namespace mapp
