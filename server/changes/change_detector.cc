@@ -1,7 +1,10 @@
 #include "server/changes/change_detector.h"
 
+#include "server/changes/thing_visits.h"
 #include "server/changes/upright_box.h"
 #include "storage/map_store.h"
+
+#include <fmt/format.h>
 
 #include <algorithm>
 #include <cmath>
@@ -13,31 +16,11 @@
 namespace mapp {
 namespace {
 
-/// A thing's points as they are in the map, and what they tell together.
+/// What a thing's points tell together, visit by visit.
 class ThingCourse {
  public:
-  ThingCourse(const ChangedThing& thing, std::span<const PointHistory> histories,
-              const std::map<SessionId, int64_t>& opened_ns, const DerivationOptions& options)
-      : options_(options) {
-    std::map<SessionId, Visit> by_session;
-    for (const size_t i : thing.points) {
-      for (const PointHistory::Visit& visit : histories[i].visits) {
-        if (!opened_ns.contains(visit.session)) continue;
-        Visit& all = by_session[visit.session];
-        all.session = visit.session;
-        all.evidence.time_ns = opened_ns.at(visit.session);
-        all.evidence.num_seen += visit.seen() ? 1 : 0;
-        all.evidence.num_missed += visit.missed() ? 1 : 0;
-        if (visit.seen()) all.views_that_saw.push_back(visit.num_seen);
-      }
-    }
-    const auto least = std::max(static_cast<double>(options.min_judged_points),
-                                options.min_judged_share * static_cast<double>(thing.points.size()));
-    for (auto& [session, visit] : by_session) {
-      const size_t num_judged = visit.evidence.num_seen + visit.evidence.num_missed;
-      if (static_cast<double>(num_judged) >= least) visits_.push_back(std::move(visit));
-    }
-  }
+  ThingCourse(std::vector<ThingVisit> visits, const DerivationOptions& options)
+      : options_(options), visits_(std::move(visits)) {}
 
   /// Calls `visit(ChangeRecord)` for everything that happened to it; boxes and points are left to the caller.
   template <typename Visit>
@@ -63,17 +46,12 @@ class ThingCourse {
       for (size_t k = std::min(first, other_first); k <= std::max(last, other_last); ++k) {
         change.sessions.push_back(visits_[k].session);
       }
+      std::ranges::sort(change.sessions);
       if (change.confidence >= options_.min_confidence) visit(std::move(change));
     }
   }
 
  private:
-  struct Visit {
-    SessionId session;
-    PresenceEvidence evidence;
-    std::vector<uint16_t> views_that_saw;  // one a point
-  };
-
   /// First and last visit of the unbroken stay (or absence) that visit i belongs to.
   static std::pair<size_t, size_t> StayAround(const PresencePosterior& posterior, size_t i) {
     size_t first = i, last = i;
@@ -82,22 +60,16 @@ class ThingCourse {
     return {first, last};
   }
 
-  bool IsStill(const Visit& visit) const {
-    if (visit.views_that_saw.empty()) return false;
-    std::vector<uint16_t> views = visit.views_that_saw;
-    const auto middle = views.begin() + static_cast<std::ptrdiff_t>(views.size() / 2);
-    std::nth_element(views.begin(), middle, views.end());
-    return *middle >= options_.min_views_of_one_visit;
-  }
+  bool IsStill(const ThingVisit& visit) const { return visit.num_views_that_saw >= options_.min_views_of_one_visit; }
 
   const DerivationOptions& options_;
-  std::vector<Visit> visits_;
+  std::vector<ThingVisit> visits_;
 };
 
 /// A change with the positions that its box is drawn around.
 struct Part {
   ChangeRecord change;
-  std::vector<std::pair<MapPointId, Eigen::Vector3f>> points;
+  std::vector<std::pair<MapPointId, Eigen::Vector3f>> points;  // position in the map's frame
 };
 
 bool HappenedTogether(const ChangeRecord& a, const ChangeRecord& b) {
@@ -161,7 +133,7 @@ ChangeRecord Finish(Part part, const Eigen::Vector3d& up_map, const DerivationOp
 
 StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, std::span<const SessionRecord> sessions,
                                                   std::span<const FrameRecord> frames,
-                                                  std::span<const SessionFindings> findings,
+                                                  std::span<const SessionFindings> findings, FindingsMaker& maker,
                                                   const DerivationOptions& options) {
   std::map<SessionId, int64_t> opened_ns;
   for (const SessionRecord& session : sessions) {
@@ -178,19 +150,30 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
     if (record.in_map) live.emplace(record.id, &record);
   }
   std::vector<PointHistory> histories;
-  std::vector<Eigen::Vector3f> p_map;
+  std::vector<Eigen::Vector3f> p_map, directions;
   for (PointHistory& history : missed) {
     const auto record = live.find(history.point);
     if (record == live.end()) continue;
     p_map.push_back(record->second->position.cast<float>());
+    directions.push_back(record->second->view_direction);
     histories.push_back(std::move(history));
   }
   std::vector<Part> parts;
   for (const ChangedThing& thing : GroupThings(histories, p_map, options.grouping)) {
-    ThingCourse(thing, histories, opened_ns, options).ForEachChange([&](ChangeRecord change) {
+    ThingPoints points;
+    std::vector<const PointHistory*> of_thing;
+    for (const size_t i : thing.points) {
+      points.ids.push_back(histories[i].point);
+      points.p_map.push_back(p_map[i]);
+      points.directions.push_back(directions[i]);
+      of_thing.push_back(&histories[i]);
+    }
+    MAPP_ASSIGN_OR_RETURN(std::vector<ThingVisit> of_sessions,
+                          VisitsOfThing(points, of_thing, opened_ns, maker, options.visits));
+    ThingCourse(std::move(of_sessions), options).ForEachChange([&](ChangeRecord change) {
       change.map = map;
       Part part{std::move(change), {}};
-      for (const size_t i : thing.points) part.points.emplace_back(histories[i].point, p_map[i]);
+      for (size_t i = 0; i < points.ids.size(); ++i) part.points.emplace_back(points.ids[i], points.p_map[i]);
       parts.push_back(std::move(part));
     });
   }

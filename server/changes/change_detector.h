@@ -3,6 +3,7 @@
 #include "server/changes/point_history.h"
 #include "server/changes/presence.h"
 #include "server/changes/session_findings.h"
+#include "server/changes/thing_visits.h"
 #include "storage/records.h"
 
 #include <cstdint>
@@ -19,9 +20,7 @@ struct DerivationOptions {
   PresenceOptions presence;
   /// Less likely changes are left out.
   double min_confidence = 0.5;
-  /// A session tells of a thing when it has judged so many of its points, and this share of them.
-  size_t min_judged_points = 4;
-  double min_judged_share = 0.15;
+  ThingVisitOptions visits;
   /// What one visit alone has seen is a thing, and not somebody who passed, when so many of its views saw the median
   /// point.
   size_t min_views_of_one_visit = 2;
@@ -40,7 +39,7 @@ struct DerivationOptions {
 /// in it.
 StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, std::span<const SessionRecord> sessions,
                                                   std::span<const FrameRecord> frames,
-                                                  std::span<const SessionFindings> findings,
+                                                  std::span<const SessionFindings> findings, FindingsMaker& maker,
                                                   const DerivationOptions& options);
 
 }  // namespace mapp

@@ -30,6 +30,7 @@ FrameView::FrameView(const FrameRecord& record, const Camera& with_camera, doubl
       T_map_camera(record.T_frame_camera),
       camera(with_camera),
       range_m(with_range_m),
+      complete(!record.partial),
       geometry(std::move(with_geometry)) {
   // A point beyond everything that was measured has nothing behind it that would show it missing.
   const double reach_m = std::min(range_m, geometry.farthest_depth_m() * GreatestSecant(camera));

@@ -25,7 +25,8 @@ struct FrameView {
   FrameId frame;
   Pose3 T_map_camera;
   Camera camera;
-  double range_m = 0;  ///< h of the map
+  double range_m = 0;    ///< h of the map
+  bool complete = true;  ///< false: redundancy control has taken out what the map held, so that nothing is missed in it
   SeenGeometry geometry;
   Aabb box_map;  ///< around all that it can tell of
 };

@@ -12,9 +12,6 @@
 namespace mapp {
 namespace {
 
-/// Greatest angle between two rays to a point that see it alike (OVERLAP study).
-constexpr float kLikeViewCosine = 0.6427876F;  // of 50 degrees
-
 /// From a like direction, and from where the pyramid reaches it.
 bool IsSeenAlike(const SightedPoint& point, const Eigen::Vector3f& ray, float focal_px, float nearest_share) {
   const float distance_m = ray.norm();
@@ -59,7 +56,8 @@ void PointJudge::Add(const FrameView& view, std::span<const PointTiles::Points> 
           Count(counts[i].num_seen);
           break;
         case Sighting::kMissed:
-          Count(counts[i].num_missed);
+        case Sighting::kEmpty:
+          if (view.complete) Count(counts[i].num_missed);
           break;
         case Sighting::kUnknown:
           break;

@@ -20,6 +20,9 @@ namespace mapp {
 
 class MapReader;
 
+/// Cosine of the greatest angle between two rays to a point that see it alike, 50 degrees (OVERLAP study).
+inline constexpr float kLikeViewCosine = 0.6427876F;
+
 /// A map point as far as it takes to tell from where it can be seen.
 struct SightedPoint {
   Eigen::Vector3f p_map;

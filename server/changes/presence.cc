@@ -31,10 +31,10 @@ Belief Normalized(const Belief& belief) {
 }  // namespace
 
 double PresenceLogRatio(const PresenceEvidence& evidence, const PresenceOptions& options) {
-  const double num = static_cast<double>(evidence.num_seen + evidence.num_missed);
+  const double num = evidence.num_seen + evidence.num_missed;
   if (num == 0) return 0;
   const double independent = std::min(options.max_independent_points, options.independent_share * num);
-  const double missed = static_cast<double>(evidence.num_missed) / num;
+  const double missed = evidence.num_missed / num;
   return independent * (missed * std::log(options.miss_if_present / (1 - options.see_if_absent)) +
                         (1 - missed) * std::log((1 - options.miss_if_present) / options.see_if_absent));
 }

@@ -9,8 +9,8 @@ namespace mapp {
 /// What one visit says of a thing: how many of its points were seen, and how many missed where they should have been.
 struct PresenceEvidence {
   int64_t time_ns = 0;  ///< Unix time, not decreasing
-  size_t num_seen = 0;
-  size_t num_missed = 0;
+  double num_seen = 0;
+  double num_missed = 0;
 };
 
 /// Parameters of the persistence posterior, with their sources.
@@ -21,13 +21,13 @@ struct PresenceOptions {
   double see_if_absent = 0.15;
   /// Points of one thing see and miss together: what makes one seen makes its neighbours seen. So many of them at most
   /// count as independent, and a share of them below that.
-  double max_independent_points = 10;
-  double independent_share = 0.5;
+  double max_independent_points = 8;
+  double independent_share = 0.1;
   /// Mean time that a thing stays, and stays away (Perpetua, 2025: two exponential survival times in turn).
   double mean_stay_days = 30;
   /// Least probability of a change between two visits, however soon they follow: a world can change in a minute, and
   /// clocks are no evidence.
-  double min_switch = 0.02;
+  double min_switch = 0.005;
 };
 
 /// Probability that a thing was there at each visit, given all visits: a two-state hidden Markov model, forward and

@@ -83,10 +83,12 @@ Status FindingsMaker::AskEarlier(const CallContext& context, const NewPoints& ne
     for (auto earlier = std::make_reverse_iterator(sessions_.find(findings.session)); earlier != sessions_.rend();
          ++earlier) {
       if (num_asked == options_.max_earlier_sessions) break;
-      auto& judge =
+      MAPP_ASSIGN_OR_RETURN(const auto views, ViewsInto(earlier->first, box_map, options_.max_earlier_views));
+      if (views.empty()) continue;
+      ++num_asked;
+      PointJudge& judge =
           judges.try_emplace(earlier->first, options_.judge, [](const SightedPoint&) { return true; }).first->second;
-      MAPP_ASSIGN_OR_RETURN(const bool asked, Ask(earlier->second, points, box_map, judge));
-      num_asked += asked ? 1 : 0;
+      for (const auto& view : views) judge.Add(*view, std::span(&points, 1));
     }
   }
   for (const auto& [session, judge] : judges) {
@@ -96,25 +98,25 @@ Status FindingsMaker::AskEarlier(const CallContext& context, const NewPoints& ne
   return absl::OkStatus();
 }
 
-StatusOr<bool> FindingsMaker::Ask(const Session& earlier, const PointTiles::Points& points, const Aabb& box_map,
-                                  PointJudge& judge) {
+StatusOr<std::vector<std::shared_ptr<const FrameView>>> FindingsMaker::ViewsInto(SessionId session, const Aabb& box_map,
+                                                                                 size_t max_views) {
+  std::vector<std::shared_ptr<const FrameView>> views;
+  const auto found = sessions_.find(session);
+  if (found == sessions_.end()) return views;
   std::vector<std::pair<double, const FrameRecord*>> near;
-  for (const FrameRecord& frame : earlier.frames) {
+  for (const FrameRecord& frame : found->second.frames) {
     const double squared_m2 = box_map.squaredExteriorDistance(frame.T_frame_camera.translation());
     if (squared_m2 < range_m_ * range_m_) near.emplace_back(squared_m2, &frame);
   }
   std::sort(near.begin(), near.end(), [](const auto& a, const auto& b) {
     return a.first != b.first ? a.first < b.first : a.second->id < b.second->id;
   });
-  size_t num_views = 0;
   for (const auto& [squared_m2, frame] : near) {
-    if (num_views == options_.max_earlier_views) break;
-    MAPP_ASSIGN_OR_RETURN(const std::shared_ptr<const FrameView> view, views_.Get(*frame, earlier.record));
-    if (!view->box_map.intersects(box_map)) continue;
-    judge.Add(*view, std::span(&points, 1));
-    ++num_views;
+    if (views.size() == max_views) break;
+    MAPP_ASSIGN_OR_RETURN(std::shared_ptr<const FrameView> view, views_.Get(*frame, found->second.record));
+    if (view->box_map.intersects(box_map)) views.push_back(std::move(view));
   }
-  return num_views > 0;
+  return views;
 }
 
 }  // namespace mapp

@@ -62,6 +62,10 @@ class FindingsMaker {
 
   StatusOr<SessionFindings> Make(const CallContext& context, SessionId session);
   std::span<const FrameRecord> FramesOf(SessionId session) const;
+  /// Views of the session that may see into the box, at most `max_views` of those nearest to it; empty for a session
+  /// that the map does not have.
+  StatusOr<std::vector<std::shared_ptr<const FrameView>>> ViewsInto(SessionId session, const Aabb& box_map,
+                                                                    size_t max_views);
 
  private:
   struct Session {
@@ -72,7 +76,6 @@ class FindingsMaker {
 
   StatusOr<NewPoints> Judge(const CallContext& context, const Session& session, PointJudge& judge);
   Status AskEarlier(const CallContext& context, const NewPoints& new_points, SessionFindings& findings);
-  StatusOr<bool> Ask(const Session& earlier, const PointTiles::Points& points, const Aabb& box_map, PointJudge& judge);
 
   const FindingsOptions options_;
   const double range_m_;

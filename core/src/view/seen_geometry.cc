@@ -8,8 +8,9 @@
 namespace mapp {
 namespace {
 
-/// A ray that passes an own point within this share of ray_radius meets its surface.
-constexpr float kOnRayShare = 0.3F;
+/// Own points next to a ray that are asked how far it goes, and how many of them must lie beyond the place.
+constexpr size_t kNumAround = 3;
+constexpr size_t kMinBeyond = 2;
 /// Cells a side at most: rays that are almost at right angles to the axis are looked up in the border's cells.
 constexpr float kMaxTangent = 4;
 
@@ -67,15 +68,16 @@ void SeenGeometry::VisitNear(float x, float y, float radius, const Visit& visit)
 }
 
 Sighting SeenGeometry::At(const Eigen::Vector3f& p_camera) const {
-  if (entries_.empty() || p_camera.z() <= 0) return Sighting::kUnknown;
+  if (p_camera.z() <= 0) return Sighting::kUnknown;
+  if (entries_.empty()) return Sighting::kEmpty;
   const float x = p_camera.x() / p_camera.z(), y = p_camera.y() / p_camera.z();
   const float half_ln_z = 0.5F * std::log(p_camera.z());
-  const float free_depth_m = options_.min_free_depth_ratio * p_camera.z();
-  const float match_radius = options_.match_radius, ray_radius = options_.ray_radius;
-  bool seen = false, blocked = false, on_ray = false, both_sides = false;
-  std::array<Eigen::Vector2f, 8> beyond;
-  size_t num_beyond = 0;
-  VisitNear(x, y, ray_radius, [&](const Entry& entry) {
+  const float match_radius = options_.match_radius;
+  bool seen = false;
+  // The own points next to the ray, by their distance to it.
+  std::array<std::pair<float, float>, kNumAround> around;  // squared distance, depth relative to the place
+  size_t num_around = 0;
+  VisitNear(x, y, options_.ray_radius, [&](const Entry& entry) {
     const Eigen::Vector2f offset(entry.x - x, entry.y - y);
     const float lateral = offset.squaredNorm();
     const float along = entry.half_ln_z - half_ln_z;
@@ -83,18 +85,27 @@ Sighting SeenGeometry::At(const Eigen::Vector3f& p_camera) const {
       seen = true;
       return false;
     }
-    if (lateral >= ray_radius * ray_radius) return true;
-    if (entry.z < free_depth_m) {
-      blocked = true;
-    } else if (along > match_radius) {
-      on_ray |= lateral < kOnRayShare * kOnRayShare * ray_radius * ray_radius;
-      for (size_t i = 0; i < num_beyond; ++i) both_sides |= offset.dot(beyond[i]) < 0;
-      if (num_beyond < beyond.size()) beyond[num_beyond++] = offset;
+    if (lateral >= options_.ray_radius * options_.ray_radius) return true;
+    if (num_around < around.size()) {
+      around[num_around++] = {lateral, along};
+    } else if (lateral < around.back().first) {
+      around.back() = {lateral, along};
+    } else {
+      return true;
+    }
+    for (size_t i = num_around - 1; i > 0 && around[i].first < around[i - 1].first; --i) {
+      std::swap(around[i], around[i - 1]);
     }
     return true;
   });
   if (seen) return Sighting::kSeen;
-  return !blocked && (on_ray || both_sides) ? Sighting::kMissed : Sighting::kUnknown;
+  if (num_around == 0) return Sighting::kEmpty;
+  size_t num_beyond = 0;
+  for (size_t i = 0; i < num_around; ++i) {
+    if (around[i].second < -match_radius) return Sighting::kUnknown;  // something nearer may hide it
+    num_beyond += around[i].second > match_radius ? 1 : 0;
+  }
+  return num_beyond >= kMinBeyond ? Sighting::kMissed : Sighting::kUnknown;
 }
 
 std::vector<Eigen::Vector3f> OwnSurfacePoints(const Keyframe& keyframe, const Camera& camera, double scale) {

@@ -12,9 +12,10 @@ namespace mapp {
 
 /// What one view says of a map point that it should have seen.
 enum class Sighting : uint8_t {
-  kUnknown = 0,  ///< something nearer hides it, or too little was measured around the ray to it
+  kUnknown = 0,  ///< something nearer may hide it, or it cannot be told
   kSeen = 1,     ///< there is a surface where it lies
   kMissed = 2,   ///< the ray to it goes on to surfaces beyond
+  kEmpty = 3,    ///< nothing at all was measured around the ray
 };
 
 /// Thresholds in scaled coordinates (view/sampler.h) are shares of the depth.
@@ -22,11 +23,9 @@ struct SightingOptions {
   /// An own point within this radius shows that the surface is there: 6 % of the depth to the side, 12 % along the ray.
   /// Source: the least sampling radius of the OVERLAP study.
   float match_radius = 0.06F;
-  /// Own points within this lateral share of the depth tell whether the ray is free (52 px at a focal length of 525
-  /// px). Smaller leaves more undecided, larger mixes surfaces.
-  float ray_radius = 0.1F;
-  /// A ray is blocked by an own point nearer than this share of the map point's depth.
-  float min_free_depth_ratio = 0.85F;
+  /// Own points within this lateral share of the depth tell how far the ray goes (42 px at a focal length of 525 px).
+  /// Smaller leaves more undecided, larger mixes surfaces.
+  float ray_radius = 0.08F;
 };
 
 /// Where one view has measured surfaces: the geometry of its own points, whatever they look like. What it says of a
@@ -37,8 +36,8 @@ class SeenGeometry {
   /// `p_camera`: own points, metres, z > 0.
   explicit SeenGeometry(std::vector<Eigen::Vector3f> p_camera, const SightingOptions& options = {});
 
-  /// Of a place in front of the camera, metres. kMissed needs own points beyond it on both sides of its ray, or right
-  /// on it, and none before it: floors and walls seen at an angle recede to one side, too.
+  /// Of a place in front of the camera, metres. kMissed: of the three own points next to its ray at least two lie
+  /// beyond it by more than the match radius, and none before it.
   Sighting At(const Eigen::Vector3f& p_camera) const;
 
   const std::vector<Eigen::Vector3f>& points() const { return p_camera_; }

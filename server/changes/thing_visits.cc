@@ -1,0 +1,100 @@
+#include "server/changes/thing_visits.h"
+
+#include <fmt/format.h>
+
+#include <algorithm>
+#include <cstdlib>
+
+namespace mapp {
+namespace {
+
+/// Sums over a session's views.
+struct Looked {
+  SessionId session;
+  int64_t time_ns = 0;
+  double num_hits = 0, num_passed = 0;
+  double area = 0;           ///< of the outlines in all views
+  double complete_area = 0;  ///< ... in those that are complete, with nothing before the thing
+  size_t num_views = 0;
+  size_t num_that_saw = 0;
+};
+
+/// Sessions that have judged enough of the thing's points.
+std::vector<SessionId> SessionsToAsk(std::span<const PointHistory* const> histories, const ThingVisitOptions& options) {
+  std::map<SessionId, size_t> num_judged;
+  for (const PointHistory* history : histories) {
+    for (const PointHistory::Visit& visit : history->visits) {
+      num_judged[visit.session] += visit.seen() || visit.missed() ? 1 : 0;
+    }
+  }
+  const double least = std::max(static_cast<double>(options.min_judged_points),
+                                options.min_judged_share * static_cast<double>(histories.size()));
+  std::vector<SessionId> sessions;
+  for (const auto& [session, num] : num_judged) {
+    if (static_cast<double>(num) >= least) sessions.push_back(session);
+  }
+  return sessions;
+}
+
+StatusOr<Looked> Look(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views) {
+  Looked all;
+  all.session = session;
+  MAPP_ASSIGN_OR_RETURN(const auto views, maker.ViewsInto(session, points.BoxMap(), max_views));
+  for (const auto& view : views) {
+    const ThingSighting sighting = SightThing(*view, points.p_map, points.directions);
+    if (sighting.outline_area == 0) continue;
+    ++all.num_views;
+    all.area += sighting.outline_area;
+    all.num_hits += static_cast<double>(sighting.num_hits);
+    all.num_that_saw += sighting.num_hits > sighting.num_passed ? 1 : 0;
+    if (!view->complete) continue;
+    all.num_passed += static_cast<double>(sighting.num_passed);
+    if (sighting.num_blocked <= sighting.num_hits + sighting.num_passed) all.complete_area += sighting.outline_area;
+  }
+  return all;
+}
+
+}  // namespace
+
+Aabb ThingPoints::BoxMap() const {
+  Aabb box_map;
+  for (const Eigen::Vector3f& p : p_map) box_map.extend(p.cast<double>());
+  return box_map;
+}
+
+StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
+                                                std::span<const PointHistory* const> histories,
+                                                const std::map<SessionId, int64_t>& opened_ns, FindingsMaker& maker,
+                                                const ThingVisitOptions& options) {
+  std::vector<Looked> looked;
+  double greatest_density = 0;
+  const auto least = static_cast<double>(options.min_judged_points);
+  for (const SessionId session : SessionsToAsk(histories, options)) {
+    const auto opened = opened_ns.find(session);
+    if (opened == opened_ns.end()) continue;
+    MAPP_ASSIGN_OR_RETURN(Looked one, Look(points, session, maker, options.max_views));
+    one.time_ns = opened->second;
+    if (one.num_hits >= least) greatest_density = std::max(greatest_density, one.num_hits / one.area);
+    looked.push_back(one);
+  }
+  std::vector<ThingVisit> visits;
+  for (const Looked& one : looked) {
+    if (one.num_views == 0) continue;
+    const double expected = options.least_density_share * greatest_density * one.complete_area;
+    const double missed = std::max({0.0, one.num_passed, expected - one.num_hits});
+    const double share =
+        options.independent_views / std::max(options.independent_views, static_cast<double>(one.num_views));
+    const PresenceEvidence evidence{one.time_ns, share * one.num_hits, share * missed};
+    if (evidence.num_seen + evidence.num_missed >= least) visits.push_back({one.session, evidence, one.num_that_saw});
+    if (std::getenv("DEBUG_THINGS"))
+      fmt::print(stderr, " {}:{:.0f}/{:.0f}({})", one.session.value(), evidence.num_seen, evidence.num_missed,
+                 one.num_passed);
+  }
+  if (std::getenv("DEBUG_THINGS"))
+    fmt::print(stderr, " thing of {} at {:.1f} {:.1f} {:.1f}\n", points.ids.size(), points.p_map[0].x(),
+               points.p_map[0].y(), points.p_map[0].z());
+  std::ranges::stable_sort(visits, {}, [](const ThingVisit& visit) { return visit.evidence.time_ns; });
+  return visits;
+}
+
+}  // namespace mapp

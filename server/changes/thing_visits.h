@@ -1,0 +1,56 @@
+#pragma once
+
+#include "server/changes/point_history.h"
+#include "server/changes/presence.h"
+#include "server/changes/session_findings.h"
+#include "server/changes/thing_sighting.h"
+
+#include <Eigen/Core>
+
+#include <cstdint>
+#include <map>
+#include <span>
+#include <vector>
+
+namespace mapp {
+
+/// A thing's points as they are in the map.
+struct ThingPoints {
+  std::vector<MapPointId> ids;
+  std::vector<Eigen::Vector3f> p_map;
+  std::vector<Eigen::Vector3f> directions;  ///< unit, mean of (point - camera centre)
+
+  Aabb BoxMap() const;
+};
+
+struct ThingVisitOptions {
+  /// A session is asked about a thing when it has judged so many of its points, and this share of them.
+  size_t min_judged_points = 4;
+  double min_judged_share = 0.15;
+  /// Views of a session that are asked, the nearest first.
+  size_t max_views = 16;
+  /// Views of one session see the same things again: all of them together count as so many.
+  double independent_views = 2;
+  /// A thing that is there brings about this share at least of the own points, for its size in the image, that it did
+  /// in the visit that saw it best.
+  double least_density_share = 0.7;
+};
+
+/// What one session says of a thing.
+struct ThingVisit {
+  SessionId session;
+  PresenceEvidence evidence;
+  size_t num_views_that_saw = 0;  ///< views more of whose rays ended at the thing than went beyond it
+};
+
+/// Asks the views of each session that has judged points of the thing (`histories`) where their rays ended. By when the
+/// sessions were opened; `opened_ns` has those that are asked.
+///
+/// Missed is what went on beyond the thing, or, where nothing lies beyond that can be measured, what should have been
+/// measured of the thing and was not. Partial frames do not tell of either.
+StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
+                                                std::span<const PointHistory* const> histories,
+                                                const std::map<SessionId, int64_t>& opened_ns, FindingsMaker& maker,
+                                                const ThingVisitOptions& options);
+
+}  // namespace mapp
