@@ -66,10 +66,16 @@ class ThingCourse {
   std::vector<ThingVisit> visits_;
 };
 
+struct PartPoint {
+  MapPointId id;
+  Eigen::Vector3f p_map;
+  Eigen::Vector3f direction;
+};
+
 /// A change with the positions that its box is drawn around.
 struct Part {
   ChangeRecord change;
-  std::vector<std::pair<MapPointId, Eigen::Vector3f>> points;  // position in the map's frame
+  std::vector<PartPoint> points;
 };
 
 bool HappenedTogether(const ChangeRecord& a, const ChangeRecord& b) {
@@ -78,8 +84,8 @@ bool HappenedTogether(const ChangeRecord& a, const ChangeRecord& b) {
 
 double GapBetween(const Part& a, const Part& b) {
   double least_m2 = std::numeric_limits<double>::infinity();
-  for (const auto& [id_a, p] : a.points) {
-    for (const auto& [id_b, q] : b.points) least_m2 = std::min<double>(least_m2, (p - q).squaredNorm());
+  for (const PartPoint& p : a.points) {
+    for (const PartPoint& q : b.points) least_m2 = std::min<double>(least_m2, (p.p_map - q.p_map).squaredNorm());
   }
   return std::sqrt(least_m2);
 }
@@ -116,15 +122,17 @@ std::vector<Part> JoinParts(std::vector<Part> parts, double max_gap_m) {
 ChangeRecord Finish(Part part, const Eigen::Vector3d& up_map, const DerivationOptions& options) {
   std::vector<Eigen::Vector3f> positions;
   std::vector<MapPointId> ids;
-  std::ranges::sort(part.points, {}, [](const auto& point) { return point.first; });
-  for (const auto& [id, p_map] : part.points) {
-    ids.push_back(id);
-    positions.push_back(p_map);
+  std::ranges::sort(part.points, {}, &PartPoint::id);
+  Eigen::Vector3d view_map = Eigen::Vector3d::Zero();
+  for (const PartPoint& point : part.points) {
+    ids.push_back(point.id);
+    positions.push_back(point.p_map);
+    view_map += point.direction.cast<double>() / static_cast<double>(part.points.size());
   }
   ChangeRecord change = std::move(part.change);
   const bool vanished = change.kind == ChangeKind::kVanished;
   (vanished ? change.box_before : change.box_after) =
-      UprightBox(positions, up_map, options.stray_share, options.min_side_m);
+      WithHiddenPart(UprightBox(positions, up_map, options.stray_share, options.min_side_m), view_map);
   (vanished ? change.points_before : change.points_after) = std::move(ids);
   return change;
 }
@@ -173,7 +181,8 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
     ThingCourse(std::move(of_sessions), options).ForEachChange([&](ChangeRecord change) {
       change.map = map;
       Part part{std::move(change), {}};
-      for (size_t i = 0; i < points.ids.size(); ++i) part.points.emplace_back(points.ids[i], points.p_map[i]);
+      for (size_t i = 0; i < points.ids.size(); ++i)
+        part.points.push_back({points.ids[i], points.p_map[i], points.directions[i]});
       parts.push_back(std::move(part));
     });
   }

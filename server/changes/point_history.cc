@@ -3,6 +3,7 @@
 #include "server/changes/neighbor_grid.h"
 
 #include <algorithm>
+#include <limits>
 #include <map>
 #include <numeric>
 #include <unordered_map>
@@ -14,6 +15,14 @@ namespace {
 
 /// Sessions that may see one and miss the other of two points of one thing, as a share of those that judged both.
 constexpr double kMaxContradiction = 0.2;
+
+// Of SplitAtNecks: points that have so many neighbours within kDensityRadiusM as this share of the median are core
+// points; core points further apart than kCoreGapM belong to different parts, which hold a share of all points each.
+constexpr size_t kMinSplitPoints = 60;
+constexpr float kDensityRadiusM = 0.25F;
+constexpr double kCoreDensity = 0.3;
+constexpr float kCoreGapM = 0.35F;
+constexpr double kLeastPart = 0.1;
 
 template <typename Visit>
 void ForEachFinding(const SessionFindings& findings, const Visit& visit) {
@@ -84,6 +93,54 @@ bool TellTheSame(const PointHistory& a, const PointHistory& b) {
   return num_missed > 0 && static_cast<double>(num_against) <= kMaxContradiction * static_cast<double>(num_both);
 }
 
+std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_map) {
+  std::vector<size_t> everything(p_map.size());
+  std::iota(everything.begin(), everything.end(), size_t{0});
+  if (p_map.size() < kMinSplitPoints) return {everything};
+  std::vector<size_t> num_near(p_map.size(), 0);
+  const NeighborGrid near(p_map, kDensityRadiusM);
+  for (size_t i = 0; i < p_map.size(); ++i) near.VisitWithin(p_map[i], [&](size_t, float) { ++num_near[i]; });
+  std::vector<size_t> sorted = num_near;
+  const auto middle = sorted.begin() + static_cast<std::ptrdiff_t>(sorted.size() / 2);
+  std::nth_element(sorted.begin(), middle, sorted.end());
+  const auto least = static_cast<size_t>(kCoreDensity * static_cast<double>(*middle));
+  const auto is_core = [&](size_t i) { return num_near[i] >= least; };
+
+  const NeighborGrid links(p_map, kCoreGapM);
+  Forest forest(p_map.size());
+  for (size_t i = 0; i < p_map.size(); ++i) {
+    if (!is_core(i)) continue;
+    links.VisitWithin(p_map[i], [&](size_t k, float) {
+      if (k > i && is_core(k)) forest.Join(i, k);
+    });
+  }
+  std::map<size_t, std::vector<size_t>> cores;
+  for (size_t i = 0; i < p_map.size(); ++i) {
+    if (is_core(i)) cores[forest.RootOf(i)].push_back(i);
+  }
+  const auto least_part = static_cast<size_t>(kLeastPart * static_cast<double>(p_map.size()));
+  std::erase_if(cores, [&](const auto& part) { return part.second.size() < least_part; });
+  if (cores.size() < 2) return {everything};
+  std::vector<std::vector<size_t>> parts;
+  std::vector<size_t> part_of(p_map.size(), p_map.size());
+  for (const auto& [root, members] : cores) {
+    for (const size_t i : members) part_of[i] = parts.size();
+    parts.emplace_back();
+  }
+  // The rest goes to whom it is nearest to.
+  for (size_t i = 0; i < p_map.size(); ++i) {
+    size_t nearest = part_of[i];
+    float least_m2 = std::numeric_limits<float>::infinity();
+    for (size_t k = 0; k < p_map.size() && part_of[i] == p_map.size(); ++k) {
+      if (part_of[k] == p_map.size() || !is_core(k)) continue;
+      const float squared_m2 = (p_map[i] - p_map[k]).squaredNorm();
+      if (squared_m2 < least_m2) least_m2 = squared_m2, nearest = part_of[k];
+    }
+    parts[nearest].push_back(i);
+  }
+  return parts;
+}
+
 std::vector<ChangedThing> GroupThings(std::span<const PointHistory> histories, std::span<const Eigen::Vector3f> p_map,
                                       const GroupingOptions& options) {
   const NeighborGrid grid(p_map, options.gap_m);
@@ -96,8 +153,14 @@ std::vector<ChangedThing> GroupThings(std::span<const PointHistory> histories, s
   std::map<size_t, ChangedThing> by_root;
   for (size_t i = 0; i < histories.size(); ++i) by_root[forest.RootOf(i)].points.push_back(i);
   std::vector<ChangedThing> things;
-  for (auto& [root, thing] : by_root) {
-    if (thing.points.size() >= options.min_points) things.push_back(std::move(thing));
+  for (const auto& [root, thing] : by_root) {
+    std::vector<Eigen::Vector3f> positions;
+    for (const size_t i : thing.points) positions.push_back(p_map[i]);
+    for (const std::vector<size_t>& part : SplitAtNecks(positions)) {
+      if (part.size() < options.min_points) continue;
+      ChangedThing& one = things.emplace_back();
+      for (const size_t k : part) one.points.push_back(thing.points[k]);
+    }
   }
   return things;
 }

@@ -39,6 +39,10 @@ struct GroupingOptions {
   size_t min_points = 8;  ///< fewer are noise
 };
 
+/// Parts that a thing falls into when what is sparse between them is left out: things that stand side by side, with a
+/// few stray points between. `p_map` has a place for each of the thing's points; indices are into it.
+std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_map);
+
 /// Groups points that are linked over gaps of at most gap_m and tell the same (single linkage). `p_map` has a place for
 /// each history.
 std::vector<ChangedThing> GroupThings(std::span<const PointHistory> histories, std::span<const Eigen::Vector3f> p_map,

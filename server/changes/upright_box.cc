@@ -65,4 +65,21 @@ OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vect
   return {Pose3(Eigen::Quaterniond(R_map_box), center), size_m.cwiseMax(min_side_m)};
 }
 
+OrientedBox WithHiddenPart(const OrientedBox& box_map, const Eigen::Vector3d& view_map) {
+  constexpr double kLeastOneSided = 0.5, kDepthPerSide = 1.6, kLongestPerHeight = 1.3;
+  const Eigen::Vector3d view_box = box_map.T_frame_box.rotation().conjugate() * view_map;
+  if (view_box.head<2>().norm() < kLeastOneSided) return box_map;
+  const int depth_axis = std::abs(view_box.x()) > std::abs(view_box.y()) ? 0 : 1;
+  const double width_m = box_map.size_m[1 - depth_axis], height_m = box_map.size_m.z();
+  const double depth_m = kDepthPerSide * std::min(width_m, kLongestPerHeight * height_m);
+  const double added_m = depth_m - box_map.size_m[depth_axis];
+  if (added_m <= 0) return box_map;
+  Eigen::Vector3d shift_box = Eigen::Vector3d::Zero();
+  shift_box[depth_axis] = std::copysign(0.5 * added_m, view_box[depth_axis]);
+  OrientedBox box = box_map;
+  box.size_m[depth_axis] += added_m;
+  box.T_frame_box = box.T_frame_box * Pose3(Eigen::Quaterniond::Identity(), shift_box);
+  return box;
+}
+
 }  // namespace mapp
