@@ -5,6 +5,8 @@
 #include <algorithm>
 #include <cmath>
 #include <exception>
+#include <functional>
+#include <vector>
 
 namespace mapp::internal {
 namespace {
@@ -13,6 +15,17 @@ namespace {
 constexpr double kTileIndexLimit = 1 << 20;
 
 bool IsPositive(double value) { return std::isfinite(value) && value > 0; }
+
+bool IsBox(const OrientedBox& box) {
+  return box.T_frame_box.IsFinite() && IsPositive(box.size_m.x()) && IsPositive(box.size_m.y()) &&
+         IsPositive(box.size_m.z());
+}
+
+/// Strictly, and without the id 0, which nothing has.
+template <typename IdType>
+bool Ascend(const std::vector<IdType>& ids) {
+  return std::ranges::adjacent_find(ids, std::greater_equal<>()) == ids.end() && (ids.empty() || ids[0].value() > 0);
+}
 
 }  // namespace
 
@@ -41,6 +54,15 @@ Status NoSuchTag(const MapRecord& map, const std::string& tag) {
 }
 
 Status MapExists(const std::string& name) { return absl::AlreadyExistsError(fmt::format("map \"{}\" exists", name)); }
+
+Status NoSuchChange(ChangeId change) {
+  return absl::NotFoundError(fmt::format("change {} does not exist", change.value()));
+}
+
+Status EvidenceIsStored(const EvidenceRecord& evidence) {
+  return absl::AlreadyExistsError(
+      fmt::format("evidence {} of session {} is stored", evidence.number, evidence.session.value()));
+}
 
 Status KeyframeIsStored(const FrameRecord& frame, FrameId stored) {
   return absl::AlreadyExistsError(fmt::format("keyframe {} of session {} is stored as frame {}", frame.number,
@@ -110,6 +132,63 @@ Status CheckFusion(MapId map_of_retired, MapId map_of_successor) {
 Status CheckFusesIntoAnother(MapPointId retired, std::optional<MapPointId> fused_into) {
   if (fused_into != retired) return absl::OkStatus();
   return absl::InvalidArgumentError("fused_into: a point cannot fuse into itself");
+}
+
+Status NeverLived(MapPointId point) {
+  return absl::NotFoundError(fmt::format("point {} never existed", point.value()));
+}
+
+Status StillLives(MapPointId point) { return absl::AlreadyExistsError(fmt::format("point {} lives", point.value())); }
+
+Status IsFused(MapPointId point) {
+  return absl::InvalidArgumentError(fmt::format("point.id: point {} was fused into another", point.value()));
+}
+
+Status HasAnotherNumber(const PointRecord& point) {
+  return absl::InvalidArgumentError(fmt::format("point.id: point {} is not the one that session {} numbered {}",
+                                                point.id.value(), point.session.value(), point.session_point));
+}
+
+Status CheckChange(const ChangeRecord& change) {
+  const auto refuse = [](const std::string& what) { return absl::InvalidArgumentError("change." + what); };
+  const bool has_before = change.kind != ChangeKind::kAppeared;
+  const bool has_after = change.kind != ChangeKind::kVanished;
+  if (change.kind < ChangeKind::kAppeared || change.kind > ChangeKind::kMoved) {
+    return refuse(fmt::format("kind: unknown, got {}", static_cast<int>(change.kind)));
+  }
+  if (change.status < ChangeStatus::kProposed || change.status > ChangeStatus::kRejected) {
+    return refuse(fmt::format("status: unknown, got {}", static_cast<int>(change.status)));
+  }
+  if (!(change.confidence >= 0 && change.confidence <= 1)) {
+    return refuse(fmt::format("confidence: must be in [0, 1], got {}", change.confidence));
+  }
+  if (change.after_ns > change.before_ns) {
+    return refuse(fmt::format("after_ns: {} is later than before_ns, {}", change.after_ns, change.before_ns));
+  }
+  if (change.first_seen_ns > change.last_seen_ns) {
+    return refuse(
+        fmt::format("first_seen_ns: {} is later than last_seen_ns, {}", change.first_seen_ns, change.last_seen_ns));
+  }
+  if (has_before && !change.box_before) return refuse("box_before: is missing");
+  if (has_after && !change.box_after) return refuse("box_after: is missing");
+  if (change.box_before && !IsBox(*change.box_before)) return refuse("box_before: must be finite and positive");
+  if (change.box_after && !IsBox(*change.box_after)) return refuse("box_after: must be finite and positive");
+  if (!Ascend(change.sessions)) return refuse("sessions: must ascend");
+  if (!Ascend(change.points_before)) return refuse("points_before: must ascend");
+  if (!Ascend(change.points_after)) return refuse("points_after: must ascend");
+  return absl::OkStatus();
+}
+
+Status CheckChangesSession(const ChangeRecord& change, SessionId session, MapId map_of_session) {
+  if (map_of_session == change.map) return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format("change.sessions: session {} belongs to map {}, got {}",
+                                                session.value(), map_of_session.value(), change.map.value()));
+}
+
+Status CheckChangesMap(const ChangeRecord& change, MapId map_of_stored) {
+  if (map_of_stored == change.map) return absl::OkStatus();
+  return absl::InvalidArgumentError(fmt::format("change.map: change {} belongs to map {}, got {}", change.id.value(),
+                                                map_of_stored.value(), change.map.value()));
 }
 
 Status CheckCause(RevisionCause cause) {

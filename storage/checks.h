@@ -21,6 +21,8 @@ Status NoSuchFrame(FrameId frame);
 Status NoSuchPoint(MapPointId point);
 Status NoSuchTag(const MapRecord& map, const std::string& tag);
 Status MapExists(const std::string& name);
+Status NoSuchChange(ChangeId change);
+Status EvidenceIsStored(const EvidenceRecord& evidence);
 Status KeyframeIsStored(const FrameRecord& frame, FrameId stored);
 
 /// Whether the map can be created; its name aside.
@@ -37,6 +39,16 @@ Status CheckPointsMap(const PointRecord& point, MapId map_of_session, MapId map)
 /// Whether `retired` may fuse into `successor`, both live, of these maps.
 Status CheckFusion(MapId map_of_retired, MapId map_of_successor);
 Status CheckFusesIntoAnother(MapPointId retired, std::optional<MapPointId> fused_into);
+/// Why a point cannot be returned.
+Status NeverLived(MapPointId point);
+Status StillLives(MapPointId point);
+Status IsFused(MapPointId point);
+Status HasAnotherNumber(const PointRecord& point);
+/// All that the record says by itself.
+Status CheckChange(const ChangeRecord& change);
+/// Whether `change` may rest on a session of that map, or replace a change of it.
+Status CheckChangesSession(const ChangeRecord& change, SessionId session, MapId map_of_session);
+Status CheckChangesMap(const ChangeRecord& change, MapId map_of_stored);
 Status CheckCause(RevisionCause cause);
 /// Why a session cannot be erased yet.
 Status StillHoldsFrames(SessionId session);

@@ -57,6 +57,16 @@ class MapReader {
   /// What the place index stored of the map, in that order. It is for its reader to check (vision/place_block.h).
   virtual StatusOr<std::vector<std::string>> ListPlaceBlocks(MapId map) = 0;
 
+  /// What the session's device has reported of the map's points, by number. DATA_LOSS names session and number.
+  virtual StatusOr<std::vector<EvidenceRecord>> ListEvidence(SessionId session) = 0;
+  /// Whether a report of that number is stored.
+  virtual StatusOr<bool> HasEvidence(SessionId session, uint32_t number) = 0;
+  /// What was last put; nullopt when nothing has been since, or it was dropped. DATA_LOSS: make it again.
+  virtual StatusOr<std::optional<std::string>> FindFindings(SessionId session) = 0;
+  /// By id.
+  virtual StatusOr<std::vector<ChangeRecord>> ListChanges(MapId map) = 0;
+  virtual StatusOr<ChangeRecord> GetChange(ChangeId change) = 0;
+
   /// The map's revisions in [first, last], ascending. A change that made none (a session was opened) is not listed.
   virtual StatusOr<std::vector<RevisionRecord>> ListRevisions(MapId map, Revision first, Revision last) = 0;
   /// By name.
@@ -75,7 +85,7 @@ class MapWriter : public MapReader {
   /// ALREADY_EXISTS when the name is taken; INVALID_ARGUMENT for a tile edge, range or feature settings that cannot be.
   /// Id and revision 0 are set by the store, and created_ns when it is 0.
   virtual StatusOr<MapId> CreateMap(const MapRecord& map) = 0;
-  /// Deletes the map with its sessions, log, frames, points and tiles.
+  /// Deletes the map with its sessions, log, frames, points, tiles, evidence and changes.
   virtual Status DeleteMap(MapId map) = 0;
   virtual Status SetFounder(MapId map, std::optional<SessionId> founder) = 0;
   /// MapRecord::has_metric_scale.
@@ -111,9 +121,10 @@ class MapWriter : public MapReader {
   virtual Status AdoptPoint(MapPointId point, SessionId session, uint64_t session_point,
                             const OrbDescriptor& descriptor) = 0;
   /// Removes all that is known of a session: its record, what its device sent and what was made of that, with the
-  /// encoded tiles and the place blocks of its map, which are derived and may show it. Rewrite() then removes what is
-  /// left in the engine's files. FAILED_PRECONDITION: a frame of it stands in the map, a live point is its own, it is
-  /// the founder, or the map can be read as it was before this change (DropHistory).
+  /// encoded tiles, the place blocks and the findings of its map, which are derived and may show it. Changes rest on it
+  /// no more; those that rested on nothing else are deleted. Rewrite() then removes what is left in the engine's files.
+  /// FAILED_PRECONDITION: a frame of it stands in the map, a live point is its own, it is the founder, or the map can
+  /// be read as it was before this change (DropHistory).
   virtual Status EraseSession(SessionId session) = 0;
 
   /// Appends the packet to the keyframe log and the frame to the map, with `observations`. Id and `created` are set by
@@ -135,9 +146,28 @@ class MapWriter : public MapReader {
   virtual Status TouchPoint(const PointRecord& point) = 0;
   /// Ends the point at this revision. `fused_into`: the point that now stands for it; FindSessionPoints follows it.
   virtual Status RetirePoint(MapPointId point, std::optional<MapPointId> fused_into) = 0;
+  /// Undoes RetirePoint(.., nullopt): the point lives again under its id, as a new version with all that the record
+  /// says; `created` is set by the store. NOT_FOUND: there never was such a point. ALREADY_EXISTS: it lives.
+  /// INVALID_ARGUMENT: it was fused into another, or is not the point of that number of the record's session.
+  virtual Status ReturnPoint(const PointRecord& point) = 0;
   virtual Status PutTileBlob(MapId map, const TileKey& tile, const TileBlob& blob) = 0;
   /// Appends to ListPlaceBlocks(). No revision: frames and points stay as they are.
   virtual Status AppendPlaceBlock(MapId map, const std::string& block) = 0;
+
+  // What follows makes no revision: frames and points stay as they are.
+
+  /// received_ns is set by the store when it is 0. ALREADY_EXISTS when (session, number) is stored.
+  virtual Status AppendEvidence(const EvidenceRecord& evidence) = 0;
+  /// What was derived from the session's part of the history, in the caller's own format; replaces what was there.
+  virtual Status PutFindings(SessionId session, const std::string& findings) = 0;
+  /// Of all of the map's sessions.
+  virtual Status DropFindings(MapId map) = 0;
+  /// A new change when the record's id is the default one, and gives it an id that no other had; else replaces the one
+  /// of this id (NOT_FOUND: there is none). INVALID_ARGUMENT names the field: a confidence outside of [0, 1], a box
+  /// that is not finite and positive or is missing though the kind has it, times the wrong way round, ids that do not
+  /// ascend, a session or a change of another map. NOT_FOUND: no such map or session.
+  virtual StatusOr<ChangeId> PutChange(const ChangeRecord& change) = 0;
+  virtual Status DeleteChange(ChangeId change) = 0;
 };
 
 /// The map database. Thread-safe.
@@ -149,10 +179,10 @@ class MapStore {
   virtual StatusOr<std::unique_ptr<MapReader>> Read() = 0;
 
   /// One map as it was at `revision`, with what was changed at it without a revision of its own: the last state that
-  /// had this number. Other maps, and what came later, do not exist for the reader. Place blocks and tags are as they
-  /// are now, and so may be a point's counters, descriptor and direction where they changed in place (see TouchPoint);
-  /// a tile's revision is at most `revision`. NOT_FOUND: no such map. OUT_OF_RANGE: it has no such revision, or it has
-  /// been compacted away.
+  /// had this number. Other maps, and what came later, do not exist for the reader. Place blocks, tags, evidence,
+  /// findings and changes are as they are now, and so may be a point's counters, descriptor and direction where they
+  /// changed in place (see TouchPoint); a tile's revision is at most `revision`. NOT_FOUND: no such map. OUT_OF_RANGE:
+  /// it has no such revision, or it has been compacted away.
   virtual StatusOr<std::unique_ptr<MapReader>> ReadAsOf(MapId map, Revision revision) = 0;
 
   /// Runs `change` while no other runs, on a thread of the store's choice, and returns when it is durable. Changes that
@@ -160,9 +190,8 @@ class MapStore {
   /// undone alone and its error returned. `on_commit`, if given, runs after the commit, in commit order, before Write
   /// returns and before any later change's: publish caches there. Neither may call Write.
   /// RESOURCE_EXHAUSTED on a full disk, DEADLINE_EXCEEDED when the deadline passed before the change began. UNAVAILABLE
-  /// when the disk fails: nobody reads anything of the change, but should the process end before a later one is durable,
-  /// it may be there when the store is opened again, whole.
-  /// A change that has begun is never abandoned.
+  /// when the disk fails: nobody reads anything of the change, but should the process end before a later one is
+  /// durable, it may be there when the store is opened again, whole. A change that has begun is never abandoned.
   virtual Status Write(const CallContext& context, std::function<Status(MapWriter&)> change,
                        std::function<void()> on_commit = {}) = 0;
 

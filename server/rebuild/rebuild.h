@@ -41,7 +41,7 @@ struct RebuildReport {
 /// new one, `to`: keyframes are integrated one after the other in the log's order, at the times they were, and after
 /// each is waited for what follows from it (DESIGN 11). Maps, sessions and frames keep their ids, devices find all as
 /// they left it; what was judged is not judged again, and sessions that were reverted are taken out again. Revisions
-/// and the ids of points are new, and tags are not taken over.
+/// and the ids of points are new, and tags are not taken over; nor are evidence and changes, which name points by id.
 ///
 /// Beside a server that uses `from`, what it acknowledges meanwhile is missed. `to` appears whole or not at all.
 /// ALREADY_EXISTS: there is a file `to`. CANCELLED. Others as OpenSqliteMapStore, read only.

@@ -47,11 +47,18 @@ class Change final : public Reads<MapWriter> {
   Status UpdatePoint(const PointRecord& point) override;
   Status TouchPoint(const PointRecord& point) override;
   Status RetirePoint(MapPointId point, std::optional<MapPointId> fused_into) override;
+  Status ReturnPoint(const PointRecord& point) override;
   Status AdoptPoint(MapPointId point, SessionId session, uint64_t session_point,
                     const OrbDescriptor& descriptor) override;
   Status EraseSession(SessionId session) override;
   Status PutTileBlob(MapId map, const TileKey& tile, const TileBlob& blob) override;
   Status AppendPlaceBlock(MapId map, const std::string& block) override;
+
+  Status AppendEvidence(const EvidenceRecord& evidence) override;
+  Status PutFindings(SessionId session, const std::string& findings) override;
+  Status DropFindings(MapId map) override;
+  StatusOr<ChangeId> PutChange(const ChangeRecord& change) override;
+  Status DeleteChange(ChangeId change) override;
 
  private:
   /// A map that this change changes. The contents hold the same state: reads see what is written.

@@ -2,6 +2,7 @@
 #include "storage/checks.h"
 #include "storage/memory/change.h"
 
+#include <algorithm>
 #include <map>
 #include <vector>
 
@@ -66,7 +67,32 @@ void EraseFrames(SessionId session, MapState* map) {
   }
 }
 
-/// Encoded tiles and place blocks: what they show of one session is not told apart.
+void EraseEvidence(SessionId session, MapState* map) {
+  std::vector<std::pair<SessionId, uint32_t>> numbers;
+  map->evidence.ForEachFrom({session, 0}, [&](const auto& key, const EvidenceRecord&) {
+    if (key.first == session) numbers.push_back(key);
+    return key.first == session;
+  });
+  for (const auto& key : numbers) map->evidence.Erase(key);
+}
+
+/// What a change rests on no more; it goes when nothing is left.
+void EraseFromChanges(SessionId session, MapState* map) {
+  std::vector<ChangeRecord> resting;
+  map->changes.ForEach([&](ChangeId, const ChangeRecord& change) {
+    if (std::ranges::binary_search(change.sessions, session)) resting.push_back(change);
+  });
+  for (ChangeRecord& change : resting) {
+    std::erase(change.sessions, session);
+    if (change.sessions.empty()) {
+      map->changes.Erase(change.id);
+    } else {
+      map->changes.Set(change.id, change);
+    }
+  }
+}
+
+/// Encoded tiles, place blocks and findings: what they show of one session is not told apart.
 void DropDerived(MapState* map) {
   PersistentMap<TileKey, StoredTile> tiles;
   map->tiles.ForEach([&](const TileKey& key, StoredTile tile) {
@@ -76,6 +102,7 @@ void DropDerived(MapState* map) {
   map->tiles = std::move(tiles);
   map->place_blocks = {};
   map->num_place_blocks = 0;
+  map->findings = {};
 }
 
 void ForgetCause(SessionId session, MapState* map) {
@@ -118,6 +145,8 @@ Status Change::EraseSession(SessionId session) {
   MapState& state = *draft.state;
   ErasePoints(session, &state);
   EraseFrames(session, &state);
+  EraseEvidence(session, &state);
+  EraseFromChanges(session, &state);
   DropDerived(&state);
   ForgetCause(session, &state);
   if (draft.session == session) draft.session.reset();

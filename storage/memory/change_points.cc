@@ -15,6 +15,15 @@ TileKey TileOf(const MapState& map, const PointRecord& point) {
   return TileGrid{map.record.tile_edge_m}.KeyOf(point.position);
 }
 
+/// Whether some session has ever given the point a number.
+bool EverLived(const Contents& contents, MapPointId point) {
+  bool found = false;
+  contents.maps.ForEach([&](MapId, const MapStatePtr& map) {
+    map->session_points.ForEach([&](const auto& key, Present) { found = found || std::get<2>(key) == point; });
+  });
+  return found;
+}
+
 StoredTile TileOrNew(const MapState& map, const TileKey& key) {
   const StoredTile* const tile = map.tiles.Find(key);
   return tile != nullptr ? *tile : StoredTile();
@@ -111,6 +120,26 @@ Status Change::RetirePoint(MapPointId point, std::optional<MapPointId> fused_int
   LeaveTile(revised, *revised.points.Find(point));
   revised.points.Erase(point);
   revised.retired.Set(point, fused_into);
+  return absl::OkStatus();
+}
+
+Status Change::ReturnPoint(const PointRecord& point) {
+  MAPP_RETURN_IF_ERROR(internal::CheckPoint(point));
+  const MapState* const map = contents_.MapOfSession(point.session);
+  if (map == nullptr) return internal::NoSuchSession(point.session);
+  if (contents_.MapOfPoint(point.id) != nullptr) return internal::StillLives(point.id);
+  if (map->session_points.Find({point.session, point.session_point, point.id}) == nullptr) {
+    return EverLived(contents_, point.id) ? internal::HasAnotherNumber(point) : internal::NeverLived(point.id);
+  }
+  const std::optional<MapPointId>* const successor = map->retired.Find(point.id);
+  if (successor != nullptr && *successor) return internal::IsFused(point.id);
+  MAPP_RETURN_IF_ERROR(CheckTile(*map, point));
+  MapState& revised = Revise(map->record.id);
+  PointRecord returned = point;
+  returned.created = revised.record.revision;
+  EnterTile(revised, returned);
+  revised.retired.Erase(point.id);
+  revised.points.Set(point.id, std::move(returned));
   return absl::OkStatus();
 }
 

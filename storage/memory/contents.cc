@@ -50,6 +50,10 @@ const MapState* Contents::MapOfPoint(MapPointId live_point) const {
   return FindIf(maps, [live_point](const MapState& map) { return map.points.Find(live_point) != nullptr; });
 }
 
+const MapState* Contents::MapOfChange(ChangeId change) const {
+  return FindIf(maps, [change](const MapState& map) { return map.changes.Find(change) != nullptr; });
+}
+
 const MapState& Contents::At(const MapState& map, Revision revision) const {
   if (revision == map.record.revision) return map;
   return **versions.Find({map.record.id, revision});
@@ -72,6 +76,9 @@ StatusOr<Contents> Contents::AsOf(MapId map, Revision revision) const {
   MapState past = At(*now, revision);
   TakeBlobs(*now, revision, &past);
   past.place_blocks = now->place_blocks;
+  past.evidence = now->evidence;
+  past.findings = now->findings;
+  past.changes = now->changes;
   past.tags = {};
   now->tags.ForEach([&](const std::string& name, const TagRecord& tag) {
     if (tag.revision <= revision) past.tags.Set(name, tag);

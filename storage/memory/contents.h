@@ -43,6 +43,9 @@ struct MapState {
   PersistentMap<std::pair<TileKey, MapPointId>, Present> tile_points;  ///< live, in the map
   PersistentMap<uint64_t, std::string> place_blocks;                   ///< count from 0
   uint64_t num_place_blocks = 0;
+  PersistentMap<std::pair<SessionId, uint32_t>, EvidenceRecord> evidence;
+  PersistentMap<SessionId, std::string> findings;
+  PersistentMap<ChangeId, ChangeRecord> changes;
   PersistentMap<Revision, RevisionRecord> revisions;
   PersistentMap<std::string, TagRecord> tags;
 };
@@ -50,7 +53,7 @@ using MapStatePtr = std::shared_ptr<const MapState>;
 
 /// The ids that come next. Never taken back but with a change that failed.
 struct NextIds {
-  uint64_t map = 1, camera = 1, session = 1, frame = 1, point = 1;
+  uint64_t map = 1, camera = 1, session = 1, frame = 1, point = 1, change = 1;
 };
 
 /// All that a store keeps, at one time. What has been published is never changed; a copy costs nothing.
@@ -68,6 +71,7 @@ struct Contents {
   const MapState* MapOfSession(SessionId session) const;
   const MapState* MapOfFrame(FrameId frame) const;
   const MapState* MapOfPoint(MapPointId live_point) const;
+  const MapState* MapOfChange(ChangeId change) const;
 
   /// The map's state at a revision that it has had (internal::CheckRevision).
   const MapState& At(const MapState& map, Revision revision) const;

@@ -239,6 +239,54 @@ StatusOr<std::vector<std::string>> Reads<Interface>::ListPlaceBlocks(MapId map) 
   return blocks;
 }
 
+// Of sessions that a reader of the past does not know yet, too.
+template <typename Interface>
+StatusOr<std::vector<EvidenceRecord>> Reads<Interface>::ListEvidence(SessionId session) {
+  std::vector<EvidenceRecord> records;
+  contents_.maps.ForEach([&](MapId, const MapStatePtr& map) {
+    map->evidence.ForEachFrom({session, 0}, [&](const auto& key, const EvidenceRecord& evidence) {
+      if (key.first != session) return false;
+      records.push_back(evidence);
+      return true;
+    });
+  });
+  return records;
+}
+
+template <typename Interface>
+StatusOr<bool> Reads<Interface>::HasEvidence(SessionId session, uint32_t number) {
+  bool found = false;
+  contents_.maps.ForEach([&](MapId, const MapStatePtr& map) {
+    found = found || map->evidence.Find({session, number}) != nullptr;
+  });
+  return found;
+}
+
+template <typename Interface>
+StatusOr<std::optional<std::string>> Reads<Interface>::FindFindings(SessionId session) {
+  std::optional<std::string> found;
+  contents_.maps.ForEach([&](MapId, const MapStatePtr& map) {
+    if (const std::string* const findings = map->findings.Find(session); findings != nullptr) found = *findings;
+  });
+  return found;
+}
+
+template <typename Interface>
+StatusOr<std::vector<ChangeRecord>> Reads<Interface>::ListChanges(MapId map) {
+  const MapState* const state = contents_.FindMap(map);
+  if (state == nullptr) return internal::NoSuchMap(map);
+  std::vector<ChangeRecord> records;
+  state->changes.ForEach([&](ChangeId, const ChangeRecord& change) { records.push_back(change); });
+  return records;
+}
+
+template <typename Interface>
+StatusOr<ChangeRecord> Reads<Interface>::GetChange(ChangeId change) {
+  const MapState* const map = contents_.MapOfChange(change);
+  if (map == nullptr) return internal::NoSuchChange(change);
+  return *map->changes.Find(change);
+}
+
 template <typename Interface>
 StatusOr<std::vector<RevisionRecord>> Reads<Interface>::ListRevisions(MapId map, Revision first, Revision last) {
   const MapState* const state = contents_.FindMap(map);

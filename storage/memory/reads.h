@@ -39,6 +39,12 @@ class Reads : public Interface {
   StatusOr<std::optional<TileBlob>> GetTileBlob(MapId map, const TileKey& tile) override;
   StatusOr<std::vector<std::string>> ListPlaceBlocks(MapId map) override;
 
+  StatusOr<std::vector<EvidenceRecord>> ListEvidence(SessionId session) override;
+  StatusOr<bool> HasEvidence(SessionId session, uint32_t number) override;
+  StatusOr<std::optional<std::string>> FindFindings(SessionId session) override;
+  StatusOr<std::vector<ChangeRecord>> ListChanges(MapId map) override;
+  StatusOr<ChangeRecord> GetChange(ChangeId change) override;
+
   StatusOr<std::vector<RevisionRecord>> ListRevisions(MapId map, Revision first, Revision last) override;
   StatusOr<std::vector<TagRecord>> ListTags(MapId map) override;
   StatusOr<std::vector<SessionDiff>> DiffRevisions(MapId map, Revision from, Revision to) override;

@@ -90,6 +90,11 @@ CREATE TEMP VIEW tile_blobs AS
   SELECT b.* FROM main.tile_blobs b JOIN main.tiles t USING (tile_id) WHERE t.map_id = {0} AND t.revision <= {1};
 
 CREATE TEMP VIEW place_blocks AS SELECT * FROM main.place_blocks WHERE map_id = {0};
+CREATE TEMP VIEW evidence AS
+  SELECT * FROM main.evidence WHERE session_id IN (SELECT session_id FROM main.sessions WHERE map_id = {0});
+CREATE TEMP VIEW findings AS
+  SELECT * FROM main.findings WHERE session_id IN (SELECT session_id FROM main.sessions WHERE map_id = {0});
+CREATE TEMP VIEW changes AS SELECT * FROM main.changes WHERE map_id = {0};
 CREATE TEMP VIEW revisions AS SELECT * FROM main.revisions WHERE map_id = {0} AND revision <= {1};
 CREATE TEMP VIEW tags AS SELECT * FROM main.tags WHERE map_id = {0} AND revision <= {1};
 

@@ -72,6 +72,7 @@ class Change final : public MapReads<MapWriter> {
   Status RetirePoint(MapPointId point, std::optional<MapPointId> fused_into) override {
     return sqlite::RetirePoint(db_, ledger_, point, fused_into);
   }
+  Status ReturnPoint(const PointRecord& point) override { return sqlite::ReturnPoint(db_, ledger_, point); }
   Status AdoptPoint(MapPointId point, SessionId session, uint64_t session_point,
                     const OrbDescriptor& descriptor) override {
     return sqlite::AdoptPoint(db_, ledger_, point, session, session_point, descriptor);
@@ -83,6 +84,16 @@ class Change final : public MapReads<MapWriter> {
   Status AppendPlaceBlock(MapId map, const std::string& block) override {
     return sqlite::AppendPlaceBlock(db_, map, block);
   }
+
+  Status AppendEvidence(const EvidenceRecord& evidence) override {
+    return sqlite::AppendEvidence(db_, ledger_, evidence);
+  }
+  Status PutFindings(SessionId session, const std::string& findings) override {
+    return sqlite::PutFindings(db_, ledger_, session, findings);
+  }
+  Status DropFindings(MapId map) override { return sqlite::DropFindings(db_, map); }
+  StatusOr<ChangeId> PutChange(const ChangeRecord& change) override { return sqlite::PutChange(db_, ledger_, change); }
+  Status DeleteChange(ChangeId change) override { return sqlite::DeleteChange(db_, change); }
 
  private:
   ChangeLedger ledger_;

@@ -3,6 +3,7 @@
 #include "storage/checks.h"
 #include "storage/sqlite/catalog.h"
 #include "storage/sqlite/checksum_vfs.h"
+#include "storage/sqlite/world_changes.h"
 
 namespace mapp::sqlite {
 namespace {
@@ -16,6 +17,7 @@ constexpr const char* kEraseStatements[] = {
     "DELETE FROM frame_pose_history WHERE frame_id IN (SELECT frame_id FROM keyframe_log WHERE session_id = ?1)",
     "DELETE FROM frames WHERE frame_id IN (SELECT frame_id FROM keyframe_log WHERE session_id = ?1)",
     "DELETE FROM keyframe_log WHERE session_id = ?1",
+    "DELETE FROM evidence WHERE session_id = ?1",
     "DELETE FROM session_history WHERE session_id = ?1",
     "DELETE FROM map_history WHERE founder_session_id = ?1",
     "UPDATE revisions SET session_id = NULL WHERE session_id = ?1",
@@ -25,6 +27,7 @@ constexpr const char* kEraseStatements[] = {
 constexpr const char* kDropDerivedStatements[] = {
     "DELETE FROM tile_blobs WHERE tile_id IN (SELECT tile_id FROM tiles WHERE map_id = ?1)",
     "DELETE FROM place_blocks WHERE map_id = ?1",
+    "DELETE FROM findings WHERE session_id IN (SELECT session_id FROM sessions WHERE map_id = ?1)",
 };
 
 StatusOr<bool> Exists(Connection& db, std::string_view query, SessionId session) {
@@ -93,6 +96,7 @@ Status EraseSession(Connection& db, ChangeLedger& ledger, SessionId session) {
   MAPP_RETURN_IF_ERROR(CheckErasable(db, map, session));
   MAPP_ASSIGN_OR_RETURN(const SessionRecord record, GetSession(db, session));
   MAPP_RETURN_IF_ERROR(BypassFusions(db, session));
+  MAPP_RETURN_IF_ERROR(EraseFromChanges(db, map, session));
   for (const char* sql : kEraseStatements) MAPP_RETURN_IF_ERROR(db.Prepare(sql).Bind(session).Run());
   for (const char* sql : kDropDerivedStatements) MAPP_RETURN_IF_ERROR(db.Prepare(sql).Bind(map).Run());
   MAPP_RETURN_IF_ERROR(db.Prepare("DELETE FROM sessions WHERE session_id = ?").Bind(session).Run());

@@ -4,11 +4,13 @@
 #include "storage/sqlite/catalog.h"
 #include "storage/sqlite/compaction.h"
 #include "storage/sqlite/erasure.h"
+#include "storage/sqlite/evidence.h"
 #include "storage/sqlite/frames.h"
 #include "storage/sqlite/place_blocks.h"
 #include "storage/sqlite/points.h"
 #include "storage/sqlite/revisions.h"
 #include "storage/sqlite/tiles.h"
+#include "storage/sqlite/world_changes.h"
 
 #include <optional>
 #include <span>
@@ -73,6 +75,18 @@ class MapReads : public Interface {
     return sqlite::GetTileBlob(db_, map, tile);
   }
   StatusOr<std::vector<std::string>> ListPlaceBlocks(MapId map) override { return sqlite::ListPlaceBlocks(db_, map); }
+
+  StatusOr<std::vector<EvidenceRecord>> ListEvidence(SessionId session) override {
+    return sqlite::ListEvidence(db_, session);
+  }
+  StatusOr<bool> HasEvidence(SessionId session, uint32_t number) override {
+    return sqlite::HasEvidence(db_, session, number);
+  }
+  StatusOr<std::optional<std::string>> FindFindings(SessionId session) override {
+    return sqlite::FindFindings(db_, session);
+  }
+  StatusOr<std::vector<ChangeRecord>> ListChanges(MapId map) override { return sqlite::ListChanges(db_, map); }
+  StatusOr<ChangeRecord> GetChange(ChangeId change) override { return sqlite::GetChange(db_, change); }
 
   StatusOr<std::vector<RevisionRecord>> ListRevisions(MapId map, Revision first, Revision last) override {
     return sqlite::ListRevisions(db_, map, first, last);

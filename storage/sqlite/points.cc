@@ -43,6 +43,40 @@ Status Archive(Connection& db, MapPointId point, Revision revision, std::optiona
       .Run();
 }
 
+Status StoreLive(Connection& db, MapPointId id, std::optional<int64_t> tile_id, Revision revision,
+                 const PointRecord& point) {
+  const std::string observers = EncodeObservers(point.observers);
+  return db
+      .Prepare(
+          "INSERT INTO points (point_id, session_id, session_point, tile_id, created_revision, x_m, y_m, z_m, "
+          "view_direction, descriptor, reference_distance_m, num_observations, confidence, observers) "
+          "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
+      .Bind(id, point.session, point.session_point, tile_id, revision, point.position.x(), point.position.y(),
+            point.position.z(), Blob{DirectionBytes(point.view_direction)}, Blob{point.descriptor.Bytes()},
+            point.reference_distance_m, point.num_observations, point.confidence, Blob{observers})
+      .Run();
+}
+
+/// Whether the point was retired and stands for itself.
+Status CheckReturnable(Connection& db, const PointRecord& point) {
+  Statement live = db.Prepare("SELECT 1 FROM points WHERE point_id = ?");
+  MAPP_ASSIGN_OR_RETURN(const bool lives, live.Bind(point.id).Step());
+  if (lives) return internal::StillLives(point.id);
+  // Its number stays when its history has been dropped.
+  Statement number =
+      db.Prepare("SELECT 1 FROM session_points WHERE session_id = ? AND session_point = ? AND point_id = ?");
+  MAPP_ASSIGN_OR_RETURN(const bool is_numbered, number.Bind(point.session, point.session_point, point.id).Step());
+  if (!is_numbered) {
+    Statement any = db.Prepare("SELECT 1 FROM session_points WHERE point_id = ? LIMIT 1");
+    MAPP_ASSIGN_OR_RETURN(const bool ever_lived, any.Bind(point.id).Step());
+    return ever_lived ? internal::HasAnotherNumber(point) : internal::NeverLived(point.id);
+  }
+  Statement last =
+      db.Prepare("SELECT fused_into FROM point_history WHERE point_id = ? ORDER BY created_revision DESC LIMIT 1");
+  MAPP_ASSIGN_OR_RETURN(const bool has_history, last.Bind(point.id).Step());
+  return has_history && !last.IsNull(0) ? internal::IsFused(point.id) : absl::OkStatus();
+}
+
 /// The live point that `retired` stands for now.
 StatusOr<std::optional<MapPointId>> FollowFusion(Connection& db, MapPointId retired) {
   MapPointId point = retired;
@@ -138,15 +172,7 @@ StatusOr<MapPointId> InsertPoint(Connection& db, ChangeLedger& ledger, MapId map
   MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> tile_id, TileFor(ledger, map, point));
   MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(map));
   MAPP_ASSIGN_OR_RETURN(const MapPointId id, ledger.NewPointId());
-  const std::string observers = EncodeObservers(point.observers);
-  MAPP_RETURN_IF_ERROR(
-      db.Prepare("INSERT INTO points (point_id, session_id, session_point, tile_id, created_revision, x_m, y_m, z_m, "
-                 "view_direction, descriptor, reference_distance_m, num_observations, confidence, observers) "
-                 "VALUES (?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?, ?)")
-          .Bind(id, point.session, point.session_point, tile_id, revision, point.position.x(), point.position.y(),
-                point.position.z(), Blob{DirectionBytes(point.view_direction)}, Blob{point.descriptor.Bytes()},
-                point.reference_distance_m, point.num_observations, point.confidence, Blob{observers})
-          .Run());
+  MAPP_RETURN_IF_ERROR(StoreLive(db, id, tile_id, revision, point));
   MAPP_RETURN_IF_ERROR(db.Prepare("INSERT INTO session_points (session_id, session_point, point_id) VALUES (?, ?, ?)")
                            .Bind(point.session, point.session_point, id)
                            .Run());
@@ -198,6 +224,21 @@ Status RetirePoint(Connection& db, ChangeLedger& ledger, MapPointId point, std::
   MAPP_RETURN_IF_ERROR(db.Prepare("DELETE FROM points WHERE point_id = ?").Bind(point).Run());
   if (old.tile_id) MAPP_RETURN_IF_ERROR(ledger.ChangeTile(old.map, *old.tile_id, -1));
   return absl::OkStatus();
+}
+
+Status ReturnPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point) {
+  MAPP_RETURN_IF_ERROR(internal::CheckPoint(point));
+  MAPP_ASSIGN_OR_RETURN(const MapId map, ledger.MapOfSession(point.session));
+  MAPP_RETURN_IF_ERROR(CheckReturnable(db, point));
+  MAPP_ASSIGN_OR_RETURN(const std::optional<int64_t> tile_id, TileFor(ledger, map, point));
+  MAPP_ASSIGN_OR_RETURN(const Revision revision, ledger.NextRevision(map));
+  // A version that was made and retired at this very revision was never read, and would be in the way of the new one
+  // when that becomes history.
+  MAPP_RETURN_IF_ERROR(db.Prepare("DELETE FROM point_history WHERE point_id = ? AND created_revision = ?")
+                           .Bind(point.id, revision)
+                           .Run());
+  MAPP_RETURN_IF_ERROR(StoreLive(db, point.id, tile_id, revision, point));
+  return tile_id ? ledger.ChangeTile(map, *tile_id, 1) : absl::OkStatus();
 }
 
 }  // namespace mapp::sqlite

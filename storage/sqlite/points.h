@@ -25,5 +25,6 @@ StatusOr<MapPointId> InsertPoint(Connection& db, ChangeLedger& ledger, MapId map
 Status UpdatePoint(Connection& db, ChangeLedger& ledger, const PointRecord& point);
 Status TouchPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point);
 Status RetirePoint(Connection& db, ChangeLedger& ledger, MapPointId point, std::optional<MapPointId> fused_into);
+Status ReturnPoint(Connection& db, ChangeLedger& ledger, const PointRecord& point);
 
 }  // namespace mapp::sqlite

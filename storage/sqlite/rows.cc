@@ -1,5 +1,6 @@
 #include "storage/sqlite/rows.h"
 
+#include "storage/checks.h"
 #include "storage/sqlite/blobs.h"
 
 #include <fmt/format.h>
@@ -19,6 +20,22 @@ template <typename IdType>
 std::optional<IdType> OptionalId(const Statement& row, int column) {
   if (row.IsNull(column)) return std::nullopt;
   return row.GetId<IdType>(column);
+}
+
+/// What no enumerator has (0) instead of what does not fit.
+template <typename Enum>
+Enum EnumOr0(int64_t value) {
+  return static_cast<Enum>(value > 0 && value <= UINT8_MAX ? value : 0);
+}
+
+/// Of MAPP_CHANGE_COLUMNS.
+constexpr int kFirstBoxColumn = 14;
+
+/// NULL in the first column: there is none.
+std::optional<OrientedBox> ReadBox(const Statement& row, int first_column) {
+  if (row.IsNull(first_column)) return std::nullopt;
+  const auto size_m = [&](int axis) { return row.Double(first_column + 7 + axis); };
+  return OrientedBox{.T_frame_box = ReadPose(row, first_column), .size_m = {size_m(0), size_m(1), size_m(2)}};
 }
 
 }  // namespace
@@ -143,6 +160,32 @@ StatusOr<PointRecord> ReadPoint(const Statement& row) {
   }
   point.descriptor = OrbDescriptor::FromBytes(reinterpret_cast<const uint8_t*>(descriptor.data()));
   return point;
+}
+
+StatusOr<ChangeRecord> ReadChange(const Statement& row) {
+  ChangeRecord change;
+  change.id = row.GetId<ChangeId>(0);
+  change.map = row.GetId<MapId>(1);
+  change.kind = EnumOr0<ChangeKind>(row.Int64(2));
+  change.status = EnumOr0<ChangeStatus>(row.Int64(3));
+  change.confidence = row.Double(4);
+  change.after_ns = row.Int64(5);
+  change.before_ns = row.Int64(6);
+  change.first_seen_ns = row.Int64(7);
+  change.last_seen_ns = row.Int64(8);
+  change.detected = row.GetId<Revision>(9);
+  change.applied = OptionalId<Revision>(row, 10);
+  change.box_before = ReadBox(row, kFirstBoxColumn);
+  change.box_after = ReadBox(row, kFirstBoxColumn + kBoxColumns);
+  const auto malformed = [&change](std::string_view what) {
+    return absl::DataLossError(fmt::format("change {}: {}", change.id.value(), what));
+  };
+  if (!DecodeAscendingIds(row.Bytes(11), &change.sessions)) return malformed("list of sessions is malformed");
+  if (!DecodeAscendingIds(row.Bytes(12), &change.points_before)) return malformed("list of points is malformed");
+  if (!DecodeAscendingIds(row.Bytes(13), &change.points_after)) return malformed("list of points is malformed");
+  const Status possible = internal::CheckChange(change);
+  if (!possible.ok()) return malformed(std::string(possible.message()));
+  return change;
 }
 
 }  // namespace mapp::sqlite

@@ -23,6 +23,12 @@
 #define MAPP_POINT_COLUMNS                                                                          \
   "p.point_id, p.session_id, p.session_point, p.tile_id, p.created_revision, p.x_m, p.y_m, p.z_m, " \
   "p.view_direction, p.descriptor, p.reference_distance_m, p.num_observations, p.confidence, p.observers"
+#define MAPP_CHANGE_COLUMNS                                                                                        \
+  "change_id, map_id, kind, status, confidence, after_ns, before_ns, first_seen_ns, last_seen_ns, "                \
+  "detected_revision, applied_revision, sessions, points_before, points_after, "                                   \
+  "before_tx_m, before_ty_m, before_tz_m, before_qw, before_qx, before_qy, before_qz, before_size_x_m, "           \
+  "before_size_y_m, before_size_z_m, after_tx_m, after_ty_m, after_tz_m, after_qw, after_qx, after_qy, after_qz, " \
+  "after_size_x_m, after_size_y_m, after_size_z_m"
 
 namespace mapp::sqlite {
 
@@ -32,11 +38,14 @@ StatusOr<SessionRecord> ReadSession(const Statement& row);
 StatusOr<CameraRecord> ReadCamera(const Statement& row);
 StatusOr<FrameRecord> ReadFrame(const Statement& row);
 StatusOr<PointRecord> ReadPoint(const Statement& row);
+StatusOr<ChangeRecord> ReadChange(const Statement& row);
 
 /// tx, ty, tz, qw, qx, qy, qz from `first_column` on.
 Pose3 ReadPose(const Statement& row, int first_column);
 /// Binds them in that order.
 void BindPose(Statement& statement, const Pose3& pose);
+/// Of a box: its pose, then its size.
+constexpr int kBoxColumns = 7 + 3;
 
 /// Reads all rows with `read`, one of the functions above.
 template <typename Record>

@@ -106,7 +106,7 @@ SELECT r.map_id, format('revision %d: the map is at %d', r.revision, m.revision)
   FROM revisions r JOIN maps m USING (map_id) WHERE r.revision NOT BETWEEN 1 AND m.revision
 UNION ALL
 SELECT r.map_id, format('revision %d has the unknown cause %d', r.revision, r.cause) FROM revisions r
- WHERE r.cause NOT BETWEEN 0 AND 11
+ WHERE r.cause NOT BETWEEN 0 AND 13
 UNION ALL
 SELECT r.map_id, format('revision %d is of session %d, none of the map''s', r.revision, r.session_id)
   FROM revisions r LEFT JOIN sessions s USING (session_id)

@@ -27,5 +27,6 @@ std::vector<VerifyCheck> CatalogChecks(const VerifyOptions& options);
 std::vector<VerifyCheck> FrameChecks();
 std::vector<VerifyCheck> PointChecks();
 std::vector<VerifyCheck> TileChecks();
+std::vector<VerifyCheck> ChangeChecks();
 
 }  // namespace mapp::sqlite

@@ -42,7 +42,7 @@ class Findings {
 
 std::vector<VerifyCheck> AllChecks(const VerifyOptions& options) {
   std::vector<VerifyCheck> checks = FileChecks();
-  for (auto& more : {CatalogChecks(options), FrameChecks(), PointChecks(), TileChecks()}) {
+  for (auto& more : {CatalogChecks(options), FrameChecks(), PointChecks(), TileChecks(), ChangeChecks()}) {
     checks.insert(checks.end(), more.begin(), more.end());
   }
   return checks;

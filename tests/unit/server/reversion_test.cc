@@ -199,7 +199,7 @@ TEST_P(HistoryPropertyTest, EveryRevisionReadsAsTheMapWasThen) {
     const SessionId session = sessions[choice.Below(sessions.size())];
     context_ = CallContext::WithTimeout(std::chrono::seconds(30));
     const bool is_out = Session(session).IsQuarantined();
-    switch (choice.Below(6)) {
+    switch (choice.Below(7)) {
       case 0:
         sessions.push_back(Contribute());
         return;
@@ -216,6 +216,25 @@ TEST_P(HistoryPropertyTest, EveryRevisionReadsAsTheMapWasThen) {
         const CompactionRequest request{
             .map_name = "room", .keep_revisions = 30 + choice.Below(30), .keep_days = {}, .dry_run = false};
         EXPECT_TRUE(service_->CompactMap(context_, request, {}).ok());
+        return;
+      }
+      case 5: {
+        // As when a change of the world is applied and undone: every third point of a session goes and comes back.
+        std::vector<PointRecord> points = *(*store_->Read())->PointsOfSession(session);
+        std::erase_if(points, [](const PointRecord& point) { return !point.in_map || point.id.value() % 3 != 0; });
+        const auto for_each = [&](const std::function<Status(MapWriter&, const PointRecord&)>& change) {
+          EXPECT_TRUE(store_
+                          ->Write(context_,
+                                  [&](MapWriter& writer) -> Status {
+                                    for (const PointRecord& point : points) MAPP_RETURN_IF_ERROR(change(writer, point));
+                                    return absl::OkStatus();
+                                  })
+                          .ok());
+          copy();
+        };
+        for_each(
+            [](MapWriter& writer, const PointRecord& point) { return writer.RetirePoint(point.id, std::nullopt); });
+        for_each([](MapWriter& writer, const PointRecord& point) { return writer.ReturnPoint(point); });
         return;
       }
       default:

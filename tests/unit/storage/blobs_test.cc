@@ -56,5 +56,21 @@ TEST(ObserversBlobTest, DecodesWhatItEncodes) {
   EXPECT_FALSE(DecodeObservers("\xff", &decoded));
 }
 
+TEST(AscendingIdsBlobTest, DecodesWhatItEncodes) {
+  const std::vector<MapPointId> ids = {MapPointId(1), MapPointId(300), MapPointId(301), MapPointId(UINT64_MAX)};
+  std::vector<MapPointId> decoded;
+  EXPECT_TRUE(DecodeAscendingIds(EncodeAscendingIds(ids), &decoded));
+  EXPECT_EQ(decoded, ids);
+  EXPECT_TRUE(EncodeAscendingIds(std::vector<MapPointId>()).empty());
+}
+
+TEST(AscendingIdsBlobTest, RefusesWhatNoEncoderWrites) {
+  const std::string past_the_end = EncodeAscendingIds(std::vector<MapPointId>{MapPointId(UINT64_MAX)}) + "\x02";
+  for (const std::string& bytes : {std::string("\0", 1), std::string("\5\0", 2), std::string("\x80"), past_the_end}) {
+    std::vector<MapPointId> decoded;
+    EXPECT_FALSE(DecodeAscendingIds(bytes, &decoded)) << bytes.size() << " bytes";
+  }
+}
+
 }  // namespace
 }  // namespace mapp::sqlite

@@ -10,6 +10,7 @@ namespace mapp {
 namespace {
 
 constexpr size_t kPlaceBlockBytes = 15'000;
+constexpr size_t kEvidenceBytes = 3'000;
 
 StatusOr<SessionId> AddSession(MapWriter& writer, MapId map) {
   SessionRecord session;
@@ -78,6 +79,29 @@ Status CacheTilesAndPlaces(MapWriter& writer, const MapRecord& map, int step) {
   return writer.AppendPlaceBlock(second.id, TestBytes(step + 1, kPlaceBlockBytes));
 }
 
+/// A change of the world with what it rests on; its points go and come back.
+Status ReportChange(MapWriter& writer, const MapRecord& map, SessionId session, int step) {
+  const auto number = static_cast<uint32_t>(step);
+  MAPP_ASSIGN_OR_RETURN(const bool is_stored, writer.HasEvidence(session, number));
+  if (!is_stored) {
+    MAPP_RETURN_IF_ERROR(writer.AppendEvidence(
+        {.session = session, .number = number, .received_ns = 0, .packet = TestBytes(number, kEvidenceBytes)}));
+  }
+  MAPP_RETURN_IF_ERROR(writer.PutFindings(session, TestBytes(number + 1, kEvidenceBytes)));
+  MAPP_ASSIGN_OR_RETURN(std::vector<PointRecord> points, writer.PointsOfSession(session));
+  std::ranges::sort(points, {}, &PointRecord::id);
+  ChangeRecord change;
+  change.map = map.id;
+  change.sessions = {session};
+  change.box_before = OrientedBox{.T_frame_box = PoseAt(step, 0, 0), .size_m = {1, 1, 1}};
+  for (const PointRecord& point : points) {
+    change.points_before.push_back(point.id);
+    MAPP_RETURN_IF_ERROR(writer.RetirePoint(point.id, std::nullopt));
+    MAPP_RETURN_IF_ERROR(writer.ReturnPoint(point));
+  }
+  return writer.PutChange(change).status();
+}
+
 Status Compact(MapWriter& writer, const MapRecord& map) {
   MAPP_RETURN_IF_ERROR(writer.PutTag(map.id, "kept", map.revision));
   return writer.DropHistory(map.id, Revision(map.revision.value() - map.revision.value() / 4), 1000).status();
@@ -102,6 +126,8 @@ Status RunScriptStep(MapWriter& writer, int step) {
       return MoveFrames(writer, map, session, step);
     case 6:
       return CacheTilesAndPlaces(writer, map, step);
+    case 8:
+      return ReportChange(writer, map, session, step);
     case 9:
       return CloseSessionAndOpenAnother(writer, map, session, step);
     case 10:

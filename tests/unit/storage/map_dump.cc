@@ -57,6 +57,39 @@ std::string Describe(const PointRecord& point) {
                      point.position.z(), point.created.value());
 }
 
+std::string Describe(const std::optional<OrientedBox>& box) {
+  if (!box) return "-";
+  return fmt::format("{} {} x {} x {}", Describe(box->T_frame_box), box->size_m.x(), box->size_m.y(), box->size_m.z());
+}
+
+template <typename IdType>
+std::string Describe(const std::vector<IdType>& ids) {
+  std::string text;
+  for (const IdType id : ids) text += fmt::format("{},", id.value());
+  return text;
+}
+
+std::string Describe(const ChangeRecord& change) {
+  return fmt::format(
+      "change {} kind {} status {} confidence {} times {} {} {} {} sessions {} before {} {} after {} {} "
+      "detected {} applied {}\n",
+      change.id.value(), static_cast<int>(change.kind), static_cast<int>(change.status), change.confidence,
+      change.after_ns, change.before_ns, change.first_seen_ns, change.last_seen_ns, Describe(change.sessions),
+      Describe(change.box_before), Describe(change.points_before), Describe(change.box_after),
+      Describe(change.points_after), change.detected.value(), Describe(change.applied));
+}
+
+std::string DumpEvidence(MapReader& reader, SessionId session) {
+  std::string dump;
+  for (const EvidenceRecord& evidence : Value(reader.ListEvidence(session))) {
+    dump += fmt::format("session {} evidence {} received {} crc {}\n", evidence.session.value(), evidence.number,
+                        evidence.received_ns, Crc32c(evidence.packet));
+  }
+  const std::optional<std::string> findings = Value(reader.FindFindings(session));
+  if (findings) dump += fmt::format("session {} findings crc {}\n", session.value(), Crc32c(*findings));
+  return dump;
+}
+
 std::string DumpFrames(MapReader& reader, MapId map) {
   std::string dump;
   for (const FrameRecord& frame : Value(reader.ListFrames(map, std::nullopt))) {
@@ -121,6 +154,8 @@ std::string DumpUnversioned(MapReader& reader, const MapRecord& map) {
   for (const TagRecord& tag : Value(reader.ListTags(map.id))) {
     dump += fmt::format("tag {} revision {} made {}\n", tag.name, tag.revision.value(), tag.created_ns);
   }
+  for (const SessionRecord& session : Value(reader.ListSessions(map.id))) dump += DumpEvidence(reader, session.id);
+  for (const ChangeRecord& change : Value(reader.ListChanges(map.id))) dump += Describe(change);
   for (const std::string& block : Value(reader.ListPlaceBlocks(map.id))) dump += fmt::format("block {}\n", block);
   for (const RevisionRecord& revision : Value(reader.ListRevisions(map.id, Revision(0), map.revision))) {
     dump += fmt::format("revision {} made {}\n", revision.revision.value(), revision.committed_ns);

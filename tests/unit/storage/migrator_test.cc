@@ -95,7 +95,7 @@ TEST_F(MigratorTest, EmbedsTheMigrationsOfTheRepository) {
 
 /// Databases as released programs left them, one for each schema.
 class GoldenDatabaseTest : public testing::TestWithParam<int> {};
-INSTANTIATE_TEST_SUITE_P(Schemas, GoldenDatabaseTest, testing::Values(1, 2, 3, 4, 5));
+INSTANTIATE_TEST_SUITE_P(Schemas, GoldenDatabaseTest, testing::Values(1, 2, 3, 4, 5, 6));
 
 TEST_P(GoldenDatabaseTest, MigratesAndKeepsItsContent) {
   const TempFolder folder;

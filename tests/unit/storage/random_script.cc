@@ -42,7 +42,7 @@ std::vector<std::string> RandomScript::Change(MapStore& store) {
 }
 
 void RandomScript::Operate(MapWriter& writer) {
-  switch (rng_.Below(24)) {
+  switch (rng_.Below(28)) {
     case 0:
       return CreateMap(writer);
     case 1:
@@ -67,6 +67,13 @@ void RandomScript::Operate(MapWriter& writer) {
       return RetirePoint(writer);
     case 13:
       return PutBlob(writer);
+    case 24:
+    case 25:
+      return ReturnPoint(writer);
+    case 26:
+      return ReportChange(writer);
+    case 27:
+      return ChangeChange(writer);
     case 14:
     case 15:
     case 16:
@@ -212,9 +219,51 @@ void RandomScript::ChangePoint(MapWriter& writer) {
 
 void RandomScript::RetirePoint(MapWriter& writer) {
   const MapPointId point = Pick(known_.points);
+  for (const PointRecord& record : Value(writer.FindPoints(std::span(&point, 1)))) known_.retired.push_back(record);
   const std::optional<MapPointId> into = OneIn(3) ? std::nullopt : std::optional(Pick(known_.points));
   Note(fmt::format("retire point {} into {}", point.value(), into ? into->value() : 0),
        writer.RetirePoint(point, into));
+}
+
+void RandomScript::ReturnPoint(MapWriter& writer) {
+  if (known_.retired.empty()) return RetirePoint(writer);
+  PointRecord point = known_.retired[rng_.Below(known_.retired.size())];
+  if (OneIn(4)) point.position = RandomPosition();
+  if (OneIn(4)) point.in_map = !point.in_map;
+  if (OneIn(10)) point.id = Pick(known_.points);
+  if (OneIn(10)) point.session = Pick(known_.sessions);
+  Note(fmt::format("return point {}", point.id.value()), writer.ReturnPoint(point));
+}
+
+void RandomScript::ReportChange(MapWriter& writer) {
+  const SessionId session = Pick(known_.sessions);
+  switch (rng_.Below(4)) {
+    case 0:
+      return Note("put findings", writer.PutFindings(session, TestBytes(rng_.Next(), 30)));
+    case 1:
+      return Note("drop findings", writer.DropFindings(Pick(known_.maps)));
+    default:
+      Note("append evidence", writer.AppendEvidence({.session = session,
+                                                     .number = static_cast<uint32_t>(rng_.Below(10)),
+                                                     .received_ns = OneIn(2) ? 0 : 7,
+                                                     .packet = TestBytes(rng_.Next(), rng_.Below(40))}));
+  }
+}
+
+void RandomScript::ChangeChange(MapWriter& writer) {
+  if (OneIn(5)) return Note("delete change", writer.DeleteChange(Pick(known_.changes)));
+  ChangeRecord change;
+  if (OneIn(3)) change.id = Pick(known_.changes);
+  change.sessions = {Pick(known_.sessions)};
+  change.map = MapFor(writer, change.sessions[0]);
+  change.kind = static_cast<ChangeKind>(1 + rng_.Below(3));
+  change.status = static_cast<ChangeStatus>(OneIn(20) ? 0 : 1 + rng_.Below(3));
+  change.confidence = RandomOrBad(rng_.Uniform());
+  if (!OneIn(3)) change.box_before = OrientedBox{.T_frame_box = RandomPose(), .size_m = {1, 2, RandomOrBad(3)}};
+  if (!OneIn(3)) change.box_after = OrientedBox{.T_frame_box = RandomPose(), .size_m = {1, 2, 3}};
+  for (uint64_t id = rng_.Below(3); id < 1000; id += 1 + rng_.Below(400)) change.points_before.emplace_back(id);
+  if (OneIn(2)) change.applied = Revision(rng_.Below(9));
+  Note(fmt::format("put change {}", change.id.value()), writer.PutChange(change), &known_.changes);
 }
 
 void RandomScript::PutBlob(MapWriter& writer) {

@@ -28,6 +28,8 @@ class RandomScript {
     std::vector<SessionId> sessions;
     std::vector<FrameId> frames;
     std::vector<MapPointId> points;
+    std::vector<ChangeId> changes;
+    std::vector<PointRecord> retired;  ///< or asked to be
   };
 
   void Operate(MapWriter& writer);
@@ -42,6 +44,9 @@ class RandomScript {
   void InsertPoint(MapWriter& writer);
   void ChangePoint(MapWriter& writer);
   void RetirePoint(MapWriter& writer);
+  void ReturnPoint(MapWriter& writer);
+  void ReportChange(MapWriter& writer);
+  void ChangeChange(MapWriter& writer);
   void PutBlob(MapWriter& writer);
 
   bool OneIn(uint64_t n) { return rng_.Below(n) == 0; }

@@ -204,6 +204,36 @@ TEST_F(SqliteFileTest, DamagedRowsAreReportedByName) {
   EXPECT_EQ(Value(reader->GetFrame(frame)).number, 0U) << "the rest stays readable";
 }
 
+TEST_F(SqliteFileTest, DamagedEvidenceAndChangesAreReportedByName) {
+  Scene scene;
+  ChangeId change;
+  {
+    const auto store = Open(file_);
+    scene = AddSceneTo(*store);
+    Check(store->Write({}, [&](MapWriter& writer) {
+      ChangeRecord record;
+      record.map = scene.map;
+      record.box_before = OrientedBox{.T_frame_box = {}, .size_m = {1, 1, 1}};
+      change = Value(writer.PutChange(record));
+      Check(writer.PutFindings(scene.session, "findings"));
+      return writer.AppendEvidence({.session = scene.session, .number = 17, .received_ns = 0, .packet = "packet"});
+    }));
+  }
+  RunSql(file_,
+         "UPDATE evidence SET packet = x'00'; UPDATE findings SET blob = x'00'; UPDATE changes SET points_before "
+         "= x'80';");
+  const auto store = Open(file_);
+  const auto reader = Value(store->Read());
+  const Status evidence = reader->ListEvidence(scene.session).status();
+  EXPECT_THAT(evidence, HasCode(StatusCode::kDataLoss));
+  EXPECT_THAT(std::string(evidence.message()), HasSubstr("evidence 17 of session 1"));
+  EXPECT_THAT(reader->FindFindings(scene.session), HasCode(StatusCode::kDataLoss));
+  EXPECT_THAT(std::string(reader->GetChange(change).status().message()), HasSubstr("change 1"));
+  EXPECT_THAT(reader->ListChanges(scene.map), HasCode(StatusCode::kDataLoss));
+  Check(store->Write({}, [&](MapWriter& writer) { return writer.PutFindings(scene.session, "made again"); }));
+  EXPECT_EQ(Value(Value(store->Read())->FindFindings(scene.session)), "made again");
+}
+
 TEST_F(SqliteFileTest, ImpossibleFeatureSettingsOfAMapAreReportedByName) {
   AddSceneTo(*Open(file_), "garage");
   RunSql(file_, "UPDATE maps SET feature_num_levels = 99;");

@@ -71,6 +71,29 @@ class ErasureTest : public QuarantineTest {
     EXPECT_EQ(report->num_violations(), 0) << Describe(*report);
   }
 
+  /// Evidence of the session, findings of its map, and two changes that rest on it, one on it alone. Returns what may
+  /// be looked for.
+  std::set<std::string> AddChanges(SessionId session) {
+    std::set<std::string> probes = {"seen from the door at noon", "gone since the last visit",
+                                    "the founder found it gone"};
+    const Status written = store_->Write(context_, [&](MapWriter& writer) -> Status {
+      auto probe = probes.begin();
+      MAPP_RETURN_IF_ERROR(
+          writer.AppendEvidence({.session = session, .number = 0, .received_ns = 0, .packet = *probe++}));
+      MAPP_RETURN_IF_ERROR(writer.PutFindings(session, *probe++));
+      MAPP_RETURN_IF_ERROR(writer.PutFindings(founder_, *probe++));
+      ChangeRecord change;
+      change.map = Map().id;
+      change.box_before = OrientedBox{.T_frame_box = {}, .size_m = {1, 1, 1}};
+      change.sessions = {session};
+      MAPP_RETURN_IF_ERROR(writer.PutChange(change).status());
+      change.sessions = {founder_, session};
+      return writer.PutChange(change).status();
+    });
+    EXPECT_TRUE(written.ok()) << written;
+    return probes;
+  }
+
   /// A device still finds its place.
   void ExpectServes() {
     OpenAligned();
@@ -85,6 +108,9 @@ TEST_F(ErasureTest, NothingOfItIsLeftInTheFiles) {
   std::set<std::string> probes = ProbesOf(Packets(session));
   std::erase_if(probes, [&](const std::string& probe) { return of_others.contains(probe); });
   ASSERT_GT(probes.size(), 1000U);
+  const std::set<std::string> of_changes = AddChanges(session);
+  EXPECT_EQ(NumFound(of_changes), of_changes.size());
+  probes.insert(of_changes.begin(), of_changes.end());
   EXPECT_GT(NumFound(probes), probes.size() * 9 / 10) << "or nothing could be proven";
   ASSERT_TRUE(service_->PutTag(context_, "room", "spring", "").ok());
 
@@ -92,6 +118,10 @@ TEST_F(ErasureTest, NothingOfItIsLeftInTheFiles) {
   EXPECT_EQ(erased.num_frames, 13U);
   EXPECT_EQ(erased.dropped_tags, std::vector<std::string>{"spring"});
   EXPECT_EQ(NumFound(probes), 0U);
+  const auto changes = (*store_->Read())->ListChanges(Map().id);
+  ASSERT_TRUE(changes.ok()) << changes.status();
+  ASSERT_EQ(changes->size(), 1U);
+  EXPECT_EQ(changes->front().sessions, std::vector<SessionId>{founder_});
   ExpectSame(before, Content(), /*some_observers=*/true);
   EXPECT_TRUE(absl::IsNotFound(service_->GetSessionPoses(context_, session).status()));
   EXPECT_EQ(Map().oldest_revision, Map().revision);

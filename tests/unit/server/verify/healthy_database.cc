@@ -26,6 +26,7 @@ class HealthyMap : public QuarantineTest {
     const auto tagged = service_->PutTag(context_, "room", "spring", "");
     EXPECT_TRUE(tagged.ok()) << tagged.status();
     SendTiles();
+    ReportChange(aligned);
     // As beside a running server.
     const auto report = Verify((folder_ / "map.db").string());
     EXPECT_TRUE(report.ok()) << report.status();
@@ -43,6 +44,24 @@ class HealthyMap : public QuarantineTest {
     const Status refused = WalkOn(session, Round(12, 0.5), 5, ScaleWorld(1.4), world_);
     EXPECT_EQ(refused.code(), absl::StatusCode::kFailedPrecondition) << refused;
     EXPECT_TRUE(Session(session).IsQuarantined());
+  }
+
+  /// Something has moved, as two sessions tell.
+  void ReportChange(SessionId session) {
+    const Status written = store_->Write(context_, [&](MapWriter& writer) -> Status {
+      ChangeRecord change;
+      change.map = Map().id;
+      change.kind = ChangeKind::kMoved;
+      change.confidence = 0.9;
+      change.sessions = {founder_, session};
+      change.box_before = OrientedBox{.T_frame_box = SyntheticWorld::Stand(1, 0, 0), .size_m = {1, 1, 1}};
+      change.box_after = OrientedBox{.T_frame_box = SyntheticWorld::Stand(2, 0, 0), .size_m = {1, 1, 1}};
+      change.points_before = {MapPointId(3), MapPointId(300)};
+      MAPP_RETURN_IF_ERROR(writer.PutChange(change).status());
+      MAPP_RETURN_IF_ERROR(writer.PutFindings(founder_, "what it found"));
+      return writer.AppendEvidence({.session = founder_, .number = 0, .received_ns = 0, .packet = "what it saw"});
+    });
+    EXPECT_TRUE(written.ok()) << written;
   }
 
   /// Makes the service keep the encoded tiles.

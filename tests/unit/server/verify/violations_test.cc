@@ -102,6 +102,33 @@ std::vector<Case> CatalogCases() {
   };
 }
 
+std::vector<Case> ChangeCases() {
+  return {
+      {"EvidenceOfNone", "UPDATE evidence SET session_id = 999", "evidence", "evidence 0 is of no session"},
+      {"EvidenceNumber", "UPDATE evidence SET number = -1", "evidence", "evidence has the number -1"},
+      {"EvidenceChecksum", "UPDATE evidence SET packet = x'00'", "evidence", "evidence 0: crc32c"},
+      {"FindingsOfNone", "UPDATE findings SET session_id = 999", "findings", "findings are of no session"},
+      {"FindingsChecksum", "UPDATE findings SET blob = x'00'", "findings", "findings: crc32c"},
+      {"ChangeOfNoMap", "UPDATE changes SET map_id = 999", "changes", "map 999 does not exist"},
+      {"ChangeDetected", "UPDATE changes SET detected_revision = 999999", "changes", "detected at revision 999999"},
+      {"ChangeApplied", "UPDATE changes SET applied_revision = 999999", "changes", "applied at 999999"},
+      {"ChangeKind", "UPDATE changes SET kind = 256", "changes", "change.kind: unknown"},
+      {"ChangeStatus", "UPDATE changes SET status = 4", "changes", "change.status: unknown"},
+      {"ChangeConfidence", "UPDATE changes SET confidence = 1.5", "changes", "change.confidence: must be in [0, 1]"},
+      {"ChangeTimes", "UPDATE changes SET after_ns = before_ns + 1", "changes", "is later than before_ns"},
+      {"ChangeSeen", "UPDATE changes SET first_seen_ns = last_seen_ns + 1", "changes", "is later than last_seen_ns"},
+      {"ChangeWithoutBox", "UPDATE changes SET after_tx_m = NULL", "changes", "change.box_after: is missing"},
+      {"ChangeWithHalfABox", "UPDATE changes SET after_tx_m = NULL", "changes", "box_after is no box"},
+      {"ChangeBoxTurned", "UPDATE changes SET before_qw = before_qw + 0.1", "changes", "box_before is no box"},
+      {"ChangeBoxSize", "UPDATE changes SET before_size_y_m = 0", "changes", "change.box_before: must be finite"},
+      {"ChangeSessions", "UPDATE changes SET sessions = x'0100'", "changes", "list of sessions is malformed"},
+      {"ChangePoints", "UPDATE changes SET points_after = x'80'", "changes", "list of points is malformed"},
+      {"ChangeOnNoSession", "UPDATE changes SET sessions = x'017f'", "changes", "rests on session 128"},
+      {"ChangeSequence", "UPDATE sqlite_sequence SET seq = 0 WHERE name = 'changes'", "change_sequence",
+       "the greatest that was given is 0"},
+  };
+}
+
 std::vector<Case> FrameCases() {
   return {
       {"LogWithoutFrame", "DELETE FROM frames WHERE frame_id = 2", "keyframe_log", "in no row of frames"},
@@ -267,6 +294,7 @@ TEST(ViolationsTest, OfMapsAndSessionsAreFound) { ExpectFound(CatalogCases()); }
 TEST(ViolationsTest, OfFramesAreFound) { ExpectFound(FrameCases()); }
 TEST(ViolationsTest, OfPointsAreFound) { ExpectFound(PointCases()); }
 TEST(ViolationsTest, OfTilesAreFound) { ExpectFound(TileCases()); }
+TEST(ViolationsTest, OfChangesAreFound) { ExpectFound(ChangeCases()); }
 
 }  // namespace
 }  // namespace mapp::testing
