@@ -7,6 +7,7 @@
 #include "datasets/sequence.h"
 #include "eval/metrics/change_metrics.h"
 #include "eval/metrics/trajectory_metrics.h"
+#include "mapp/feature/feature.h"
 #include "mapp/base/latency.h"
 #include "server/changes/change_detector.h"
 #include "sim/features/feature_camera.h"
@@ -89,52 +90,39 @@ void Run(char** argv) {
   const auto true_changes = ValueOrExit(TrueChangesOf(*simulation->world, fair));
   if (std::getenv("DEBUG_POINTS")) {
     for (const auto& change : true_changes) {
-      if (!change.before) continue;
-      const OrientedBox box{T_truth_map.pose.Inverse() * change.before->T_frame_box, change.before->size_m};
-      size_t n = 0;
-      std::map<uint64_t, std::array<size_t, 4>> by_session;
-      for (const TileRecord& tile : ValueOrExit(reader->ListTiles(map.id, std::nullopt))) {
-        for (const PointRecord& point : ValueOrExit(reader->PointsInTile(map.id, tile.key))) {
-          if (!box.Contains(point.position, 0.1)) continue;
-          ++n;
-          for (const SessionFindings& f : findings) {
-            const auto found = std::ranges::lower_bound(f.own, point.id, {}, &PointFinding::point);
-            auto& c = by_session[f.session.value()];
-            if (found == f.own.end() || found->point != point.id) { ++c[3]; continue; }
-            const bool missed = found->num_missed > 4 * found->num_seen;
-            ++c[missed ? 1 : found->num_seen > found->num_missed ? 0 : 2];
-          }
-        }
-      }
-      std::array<size_t, 6> why{};
-      const auto views = ValueOrExit(maker.ViewsInto(sessions.back().id, [&]{ Aabb b; b.extend(box.T_frame_box.translation()); return b; }(), 100));
-      size_t own = 0;
-      for (const auto& view : views) {
-        own += view->geometry.points().size();
+      for (const bool is_after : {false, true}) {
+        const auto& world_box = is_after ? change.after : change.before;
+        if (!world_box) continue;
+        const OrientedBox box{T_truth_map.pose.Inverse() * world_box->T_frame_box, world_box->size_m};
+        std::vector<PointRecord> in;
         for (const TileRecord& tile : ValueOrExit(reader->ListTiles(map.id, std::nullopt))) {
           for (const PointRecord& point : ValueOrExit(reader->PointsInTile(map.id, tile.key))) {
-            if (!box.Contains(point.position, 0.1)) continue;
-            const Eigen::Vector3d pc = view->T_map_camera.Inverse() * point.position;
-            if (pc.z() <= 0 || pc.z() > 20 || !view->camera.Contains(view->camera.Undistorted().Project(pc), 16)) continue;
-            if ((point.position - view->T_map_camera.translation()).normalized().dot(point.view_direction.cast<double>()) < .64) continue;
-            std::vector<std::pair<double, double>> near;
-            for (const auto& q : view->geometry.points()) {
-              const double dx = q.x() / q.z() - pc.x() / pc.z(), dy = q.y() / q.z() - pc.y() / pc.z();
-              near.emplace_back(std::hypot(dx, dy), .5 * std::log(q.z() / pc.z()));
-            }
-            std::sort(near.begin(), near.end());
-            ++why[0];
-            if (near[0].first > .08) ++why[1];
-            else if (near[0].second < -.06) ++why[2];
-            else if (near[0].second > .06) ++why[3];
-            else ++why[4];
+            if (box.Contains(point.position, 0.1)) in.push_back(point);
           }
         }
+        fmt::print("{} box at {:.1f} {:.1f}: {} points\n", is_after ? "after" : "before", world_box->T_frame_box.translation().x(), world_box->T_frame_box.translation().y(), in.size());
+        Aabb b;
+        for (auto& p : in) b.extend(p.position);
+        for (const auto& session : sessions) {
+          std::array<size_t, 10> c{};
+          const auto views = ValueOrExit(maker.ViewsInto(session.id, b, 100));
+          for (const auto& view : views) {
+            for (const auto& p : in) {
+              const Eigen::Vector3d pc = view->T_map_camera.Inverse() * p.position;
+              if (pc.z() <= 0 || !view->camera.Contains(view->camera.Undistorted().Project(pc), 16)) continue;
+              ++c[0];
+              if (pc.z() > view->range_m) { ++c[1]; continue; }
+              if (pc.z() > view->geometry.farthest_depth_m()) { ++c[2]; continue; }
+              if ((p.position - view->T_map_camera.translation()).normalized().dot(p.view_direction.cast<double>()) < .64) { ++c[3]; continue; }
+              const float farthest = ReferenceFor(view->camera.MeanFocalPx(), p.reference_distance_m);
+              if (pc.norm() > 1.2 * farthest) { ++c[4]; continue; }
+              if (pc.norm() < farthest / 3.583) { ++c[5]; continue; }
+              switch (view->geometry.At(pc.cast<float>())) { case Sighting::kUnknown: ++c[6]; break; case Sighting::kSeen: ++c[7]; break; case Sighting::kMissed: ++c[8]; break; case Sighting::kEmpty: ++c[9]; break; }
+            }
+          }
+          fmt::print("   {}: views {} in image {} | range {} deeper {} unlike {} far {} near {} | unknown {} seen {} missed {} empty {}\n", session.id.value(), views.size(), c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9]);
+        }
       }
-      fmt::print("views {} own {}: judged {} empty {} nearer {} beyond {} near {}\n", views.size(), own / std::max<size_t>(1, views.size()), why[0], why[1], why[2], why[3], why[4]);
-      fmt::print("box at {:.1f} {:.1f}: {} points;", change.before->T_frame_box.translation().x(), change.before->T_frame_box.translation().y(), n);
-      for (auto& [id, c] : by_session) fmt::print(" {}: seen {} missed {} mixed {} none {}", id, c[0], c[1], c[2], c[3]);
-      fmt::print("\n");
     }
   }
   std::vector<DetectedChange> detections;

@@ -85,6 +85,7 @@ Reduced RemoveRedundant(const Keyframe& whole, const OwnPoints& own, const std::
   partial.T_frame_camera = whole.T_frame_camera;
   partial.partial = true;
   partial.overlap = whole.overlap;
+  partial.raster = whole.raster;
   for (size_t i = 0; i < keep.size(); ++i) {
     if (keep[i]) partial.features.push_back(whole.features[own.feature_idx[i]]);
   }

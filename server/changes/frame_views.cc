@@ -25,12 +25,12 @@ double GreatestSecant(const Camera& camera) {
 }  // namespace
 
 FrameView::FrameView(const FrameRecord& record, const Camera& with_camera, double with_range_m,
-                     SeenGeometry with_geometry)
+                     SeenGeometry with_geometry, bool is_complete)
     : frame(record.id),
       T_map_camera(record.T_frame_camera),
       camera(with_camera),
       range_m(with_range_m),
-      complete(!record.partial),
+      complete(is_complete),
       geometry(std::move(with_geometry)) {
   // A point beyond everything that was measured has nothing behind it that would show it missing.
   const double reach_m = std::min(range_m, geometry.farthest_depth_m() * GreatestSecant(camera));
@@ -54,7 +54,8 @@ StatusOr<std::shared_ptr<const FrameView>> FrameViews::Get(const FrameRecord& fr
   MAPP_ASSIGN_OR_RETURN(const Keyframe keyframe, DecodeKeyframe(packet));
   auto view = std::make_shared<const FrameView>(
       frame, camera->second, range_m_,
-      SeenGeometry(OwnSurfacePoints(keyframe, camera->second, session.scale_map_session)));
+      SeenGeometry(OwnSurfacePoints(keyframe, camera->second, session.scale_map_session)),
+      !keyframe.partial || keyframe.raster.has_value());
   kept_.emplace_front(frame.id, view);
   index_[frame.id] = kept_.begin();
   if (kept_.size() > max_kept_) {

@@ -20,13 +20,15 @@ class MapReader;
 
 /// A frame that stands in the map, as a witness: where it looked from, and where it measured surfaces.
 struct FrameView {
-  FrameView(const FrameRecord& record, const Camera& with_camera, double with_range_m, SeenGeometry with_geometry);
+  FrameView(const FrameRecord& record, const Camera& with_camera, double with_range_m, SeenGeometry with_geometry,
+            bool is_complete);
 
   FrameId frame;
   Pose3 T_map_camera;
   Camera camera;
-  double range_m = 0;    ///< h of the map
-  bool complete = true;  ///< false: redundancy control has taken out what the map held, so that nothing is missed in it
+  double range_m = 0;  ///< h of the map
+  bool complete =
+      true;  ///< false: redundancy control has taken out what the map held, without a raster of it: it misses nothing
   SeenGeometry geometry;
   Aabb box_map;  ///< around all that it can tell of
 };

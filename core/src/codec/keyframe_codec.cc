@@ -18,7 +18,8 @@ constexpr uint8_t kVersion = 1;
 constexpr uint8_t kPoseInMap = 1;
 constexpr uint8_t kPartial = 2;
 constexpr uint8_t kHasOverlap = 4;
-constexpr uint8_t kKnownFlags = kPoseInMap | kPartial | kHasOverlap;
+constexpr uint8_t kHasRaster = 8;
+constexpr uint8_t kKnownFlags = kPoseInMap | kPartial | kHasOverlap | kHasRaster;
 
 // A feature's first byte: octave in the low four bits, what is known of its point in the next two.
 constexpr uint8_t kOctaveMask = 0x0f;
@@ -30,6 +31,10 @@ constexpr double kDepthNearM = 0.01;
 const double kLnDepthSpan = std::log(1e6);  // 0.01 m to 10 km
 constexpr double kDepthSteps = 65535.0;
 constexpr double kOverlapSteps = 255.0;
+const double kLnRasterSpan = std::log(DepthRaster::kMaxDepthM / DepthRaster::kMinDepthM);
+constexpr double kRasterSteps = 255.0;
+/// A square's depth is that of a feature.
+constexpr uint64_t kMaxRasterSamples = kMaxFeatures;
 
 uint16_t EncodePixel(float px) {
   // The image's border lies half a pixel outside the first pixel's centre.
@@ -133,6 +138,39 @@ StatusOr<KeyframeFeature> GetFeature(ByteReader& reader, size_t idx, uint64_t& p
   return feature;
 }
 
+void PutRaster(ByteWriter& writer, const DepthRaster& raster) {
+  writer.PutVarint(raster.samples.size());
+  uint32_t next_cell = 0;
+  for (const auto& [cell, depth_m] : raster.samples) {
+    writer.PutVarint(cell - next_cell);
+    const double share = std::log(depth_m / DepthRaster::kMinDepthM) / kLnRasterSpan;
+    writer.Put<uint8_t>(static_cast<uint8_t>(std::lround(std::clamp(share, 0.0, 1.0) * kRasterSteps)));
+    next_cell = cell + 1;
+  }
+}
+
+StatusOr<DepthRaster> GetRaster(ByteReader& reader) {
+  const uint64_t num_samples = reader.GetVarint();
+  if (num_samples > kMaxRasterSamples) {
+    return absl::InvalidArgumentError(
+        fmt::format("keyframe.raster: at most {} samples, got {}", kMaxRasterSamples, num_samples));
+  }
+  DepthRaster raster;
+  raster.samples.reserve(num_samples);
+  uint64_t next_cell = 0;
+  for (uint64_t i = 0; i < num_samples; ++i) {
+    const uint64_t gap = reader.GetVarint();
+    const double ln_ratio = reader.Get<uint8_t>() / kRasterSteps * kLnRasterSpan;
+    if (gap > UINT32_MAX || next_cell + gap > UINT32_MAX) {
+      return absl::InvalidArgumentError(fmt::format("keyframe.raster[{}].cell: does not fit 32 bits", i));
+    }
+    const auto depth_m = static_cast<float>(DepthRaster::kMinDepthM * std::exp(ln_ratio));
+    raster.samples.push_back({static_cast<uint32_t>(next_cell + gap), std::min(depth_m, DepthRaster::kMaxDepthM)});
+    next_cell += gap + 1;
+  }
+  return raster;
+}
+
 /// Takes magic, version and checksum off; what is left is the body.
 StatusOr<std::string_view> CheckEnvelope(std::string_view bytes) {
   constexpr size_t kOverhead = sizeof(uint32_t) + 1 + sizeof(uint32_t);
@@ -167,6 +205,7 @@ std::string EncodeKeyframe(const Keyframe& keyframe) {
   if (keyframe.pose_frame == PoseFrame::kMap) flags |= kPoseInMap;
   if (keyframe.partial) flags |= kPartial;
   if (keyframe.overlap) flags |= kHasOverlap;
+  if (keyframe.raster) flags |= kHasRaster;
   writer.Put<uint8_t>(flags);
   writer.PutVarint(keyframe.session.value());
   writer.PutVarint(keyframe.number);
@@ -181,6 +220,7 @@ std::string EncodeKeyframe(const Keyframe& keyframe) {
   for (const KeyframeFeature& feature : keyframe.features) {
     PutFeature(writer, feature, previous_session_point, previous_map_point);
   }
+  if (keyframe.raster) PutRaster(writer, *keyframe.raster);
   writer.Put<uint32_t>(Crc32c(writer.bytes()));
   return writer.Take();
 }
@@ -213,6 +253,9 @@ StatusOr<Keyframe> DecodeKeyframe(std::string_view bytes) {
     MAPP_ASSIGN_OR_RETURN(KeyframeFeature feature, GetFeature(reader, i, previous_session_point, previous_map_point));
     if (reader.failed()) return absl::InvalidArgumentError(fmt::format("keyframe.features[{}]: truncated", i));
     keyframe.features.push_back(feature);
+  }
+  if ((flags & kHasRaster) != 0) {
+    MAPP_ASSIGN_OR_RETURN(keyframe.raster, GetRaster(reader));
   }
   if (reader.failed() || reader.remaining() != 0) {
     return absl::InvalidArgumentError(
@@ -254,6 +297,7 @@ std::string RenumberKeyframe(std::string_view bytes, SessionId session,
     writer.PutVarint(ZigZag(static_cast<int64_t>(point - previous_new)));
     previous_new = point;
   }
+  writer.PutBytes(reader.GetBytes(reader.remaining()));  // the raster
   writer.Put<uint32_t>(Crc32c(writer.bytes()));
   return writer.Take();
 }

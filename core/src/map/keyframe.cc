@@ -53,6 +53,7 @@ Status Validate(const Keyframe& keyframe, const Camera& camera, const FeatureSet
   for (size_t i = 0; i < keyframe.features.size(); ++i) {
     MAPP_RETURN_IF_ERROR(ValidateFeature(keyframe.features[i], i, camera, features.num_levels));
   }
+  if (keyframe.raster) MAPP_RETURN_IF_ERROR(Validate(*keyframe.raster, camera));
   return absl::OkStatus();
 }
 

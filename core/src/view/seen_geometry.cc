@@ -3,6 +3,7 @@
 #include <algorithm>
 #include <array>
 #include <cmath>
+#include <unordered_set>
 #include <utility>
 
 namespace mapp {
@@ -110,10 +111,17 @@ Sighting SeenGeometry::At(const Eigen::Vector3f& p_camera) const {
 
 std::vector<Eigen::Vector3f> OwnSurfacePoints(const Keyframe& keyframe, const Camera& camera, double scale) {
   std::vector<Eigen::Vector3f> p_camera;
+  std::unordered_set<uint32_t> own_cells;
   for (const KeyframeFeature& feature : keyframe.features) {
     if (!feature.point) continue;
     const Eigen::Vector2d pixel(feature.keypoint.u_px, feature.keypoint.v_px);
     p_camera.push_back((scale * feature.point->depth_m * camera.Unproject(pixel)).cast<float>());
+    if (keyframe.raster) own_cells.insert(RasterCellOf(camera, pixel));
+  }
+  if (!keyframe.raster) return p_camera;
+  for (const auto& [cell, depth_m] : keyframe.raster->samples) {
+    if (own_cells.contains(cell)) continue;
+    p_camera.push_back((scale * depth_m * camera.Unproject(RasterCellCenter(camera, cell))).cast<float>());
   }
   return p_camera;
 }

@@ -6,6 +6,7 @@
 #include "mapp/feature/feature.h"
 #include "mapp/feature/feature_settings.h"
 #include "mapp/geometry/pose3.h"
+#include "mapp/map/depth_raster.h"
 
 #include <cstdint>
 #include <optional>
@@ -47,6 +48,9 @@ struct Keyframe {
   /// Redundant share of the device's own points by its own count, when it has asked for an answer (DESIGN 5).
   std::optional<float> overlap;
   std::vector<KeyframeFeature> features;
+  /// Of all that the view measured, also of features that redundancy control removed or that are too far to make points
+  /// of. Without it a partial keyframe says nothing of what is gone (DESIGN 10).
+  std::optional<DepthRaster> raster;
 };
 
 /// Greatest coordinate a pose or point may have, metres (DESIGN 4).
@@ -55,7 +59,7 @@ inline constexpr double kMaxCoordinateM = 1e6;
 inline constexpr float kMaxPointDepthM = 10000.0F;
 
 /// INVALID_ARGUMENT naming the field: non-finite or absurd pose, too many features, depth not in (0, 10000) m,
-/// a keypoint outside the image, an octave that the feature settings do not have.
+/// a keypoint outside the image, an octave that the feature settings do not have, a raster that Validate refuses.
 Status Validate(const Keyframe& keyframe, const Camera& camera, const FeatureSettings& features);
 
 }  // namespace mapp
