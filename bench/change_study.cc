@@ -14,6 +14,7 @@
 #include "storage/sqlite/sqlite_map_store.h"
 
 #include <fmt/format.h>
+#include <fmt/ranges.h>
 
 #include <cstdlib>
 #include <iostream>
@@ -103,8 +104,20 @@ void Run(char** argv) {
         fmt::print("{} box at {:.1f} {:.1f}: {} points\n", is_after ? "after" : "before", world_box->T_frame_box.translation().x(), world_box->T_frame_box.translation().y(), in.size());
         Aabb b;
         for (auto& p : in) b.extend(p.position);
+        for (const SessionFindings& f : findings) {
+          std::array<size_t, 4> c{};
+          for (const auto& p : in) {
+            const PointFinding* q = nullptr;
+            const auto own = std::ranges::lower_bound(f.own, p.id, {}, &PointFinding::point);
+            if (own != f.own.end() && own->point == p.id) q = &*own;
+            if (!q) { ++c[3]; continue; }
+            ++c[q->num_missed > 4 * q->num_seen ? 1 : q->num_seen > q->num_missed ? 0 : 2];
+          }
+          fmt::print("  F{}: seen {} missed {} mixed {} none {}\n", f.session.value(), c[0], c[1], c[2], c[3]);
+        }
         for (const auto& session : sessions) {
           std::array<size_t, 10> c{};
+          std::array<std::array<size_t,4>,10> by_z{};
           const auto views = ValueOrExit(maker.ViewsInto(session.id, b, 100));
           for (const auto& view : views) {
             for (const auto& p : in) {
@@ -117,9 +130,11 @@ void Run(char** argv) {
               const float farthest = ReferenceFor(view->camera.MeanFocalPx(), p.reference_distance_m);
               if (pc.norm() > 1.2 * farthest) { ++c[4]; continue; }
               if (pc.norm() < farthest / 3.583) { ++c[5]; continue; }
+              ++by_z[std::min(9, int(pc.z()))][size_t(view->geometry.At(pc.cast<float>()))];
               switch (view->geometry.At(pc.cast<float>())) { case Sighting::kUnknown: ++c[6]; break; case Sighting::kSeen: ++c[7]; break; case Sighting::kMissed: ++c[8]; break; case Sighting::kEmpty: ++c[9]; break; }
             }
           }
+          for (size_t z=0; z<10; ++z) fmt::print("      z{}: {}\n", z, fmt::join(by_z[z], " "));
           fmt::print("   {}: views {} in image {} | range {} deeper {} unlike {} far {} near {} | unknown {} seen {} missed {} empty {}\n", session.id.value(), views.size(), c[0], c[1], c[2], c[3], c[4], c[5], c[6], c[7], c[8], c[9]);
         }
       }
@@ -146,6 +161,15 @@ void Run(char** argv) {
         if (!there) continue;
         const double iou = IntersectionOverUnion(*there, box);
         if (iou > best_iou) best_iou = iou, best = fair[i].object_id;
+      }
+    }
+    if (std::getenv("DEBUG_DUMP")) {
+      auto ids = change.points_before;
+      ids.insert(ids.end(), change.points_after.begin(), change.points_after.end());
+      std::ranges::sort(ids);
+      for (const PointRecord& p : ValueOrExit(reader->FindPoints(ids))) {
+        const Eigen::Vector3d w = T_world_map * p.position, d = T_world_map.rotation() * p.view_direction.cast<double>();
+        fmt::print("P {} {:.3f} {:.3f} {:.3f} {:.2f} {:.2f} {:.2f}\n", detections.size(), w.x(), w.y(), w.z(), d.x(), d.y(), d.z());
       }
     }
     fmt::print(

@@ -75,6 +75,7 @@ struct PartPoint {
 /// A change with the positions that its box is drawn around.
 struct Part {
   ChangeRecord change;
+  size_t group = 0;
   std::vector<PartPoint> points;
 };
 
@@ -107,7 +108,7 @@ void Absorb(Part& into, Part&& part) {
 std::vector<Part> JoinParts(std::vector<Part> parts, double max_gap_m) {
   for (size_t i = 0; i < parts.size(); ++i) {
     for (size_t k = i + 1; k < parts.size();) {
-      if (HappenedTogether(parts[i].change, parts[k].change) && GapBetween(parts[i], parts[k]) <= max_gap_m) {
+      if (parts[i].group != parts[k].group && HappenedTogether(parts[i].change, parts[k].change) && GapBetween(parts[i], parts[k]) <= max_gap_m) {
         Absorb(parts[i], std::move(parts[k]));
         parts.erase(parts.begin() + static_cast<std::ptrdiff_t>(k));
         k = i + 1;  // it has grown
@@ -166,8 +167,9 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
     directions.push_back(record->second->view_direction);
     histories.push_back(std::move(history));
   }
+  const Eigen::Vector3d up_map = UpDirection(frames);
   std::vector<Part> parts;
-  for (const ChangedThing& thing : GroupThings(histories, p_map, options.grouping)) {
+  for (const ChangedThing& thing : GroupThings(histories, p_map, up_map.cast<float>(), options.grouping)) {
     ThingPoints points;
     std::vector<const PointHistory*> of_thing;
     for (const size_t i : thing.points) {
@@ -180,13 +182,12 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
                           VisitsOfThing(points, of_thing, opened_ns, maker, options.visits));
     ThingCourse(std::move(of_sessions), options).ForEachChange([&](ChangeRecord change) {
       change.map = map;
-      Part part{std::move(change), {}};
+      Part part{std::move(change), thing.group, {}};
       for (size_t i = 0; i < points.ids.size(); ++i)
         part.points.push_back({points.ids[i], points.p_map[i], points.directions[i]});
       parts.push_back(std::move(part));
     });
   }
-  const Eigen::Vector3d up_map = UpDirection(frames);
   std::vector<ChangeRecord> changes;
   for (Part& part : JoinParts(std::move(parts), options.max_part_gap_m)) {
     changes.push_back(Finish(std::move(part), up_map, options));

@@ -28,7 +28,7 @@ struct DerivationOptions {
   double stray_share = 0.02;
   double min_side_m = 0.05;
   /// Parts of one thing that changed alike lie no further apart than this.
-  double max_part_gap_m = 0.4;
+  double max_part_gap_m = 0.3;
   /// Sessions opened in [from, to] tell, Unix time.
   int64_t from_ns = std::numeric_limits<int64_t>::min();
   int64_t to_ns = std::numeric_limits<int64_t>::max();

@@ -18,11 +18,11 @@ constexpr double kMaxContradiction = 0.2;
 
 // Of SplitAtNecks: points that have so many neighbours within kDensityRadiusM as this share of the median are core
 // points; core points further apart than kCoreGapM belong to different parts, which hold a share of all points each.
-constexpr size_t kMinSplitPoints = 60;
+constexpr size_t kMinSplitPoints = 150;
 constexpr float kDensityRadiusM = 0.25F;
-constexpr double kCoreDensity = 0.3;
-constexpr float kCoreGapM = 0.35F;
-constexpr double kLeastPart = 0.1;
+constexpr double kCoreDensity = 0.1;
+constexpr float kCoreGapM = 0.25F;
+constexpr size_t kLeastPart = 50;
 
 template <typename Visit>
 void ForEachFinding(const SessionFindings& findings, const Visit& visit) {
@@ -93,7 +93,10 @@ bool TellTheSame(const PointHistory& a, const PointHistory& b) {
   return num_missed > 0 && static_cast<double>(num_against) <= kMaxContradiction * static_cast<double>(num_both);
 }
 
-std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_map) {
+std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_of_things_map,
+                                              const Eigen::Vector3f& up_map) {
+  std::vector<Eigen::Vector3f> p_map;
+  for (const Eigen::Vector3f& p : p_of_things_map) p_map.push_back(p - up_map * up_map.dot(p));
   std::vector<size_t> everything(p_map.size());
   std::iota(everything.begin(), everything.end(), size_t{0});
   if (p_map.size() < kMinSplitPoints) return {everything};
@@ -118,8 +121,7 @@ std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p
   for (size_t i = 0; i < p_map.size(); ++i) {
     if (is_core(i)) cores[forest.RootOf(i)].push_back(i);
   }
-  const auto least_part = static_cast<size_t>(kLeastPart * static_cast<double>(p_map.size()));
-  std::erase_if(cores, [&](const auto& part) { return part.second.size() < least_part; });
+  std::erase_if(cores, [&](const auto& part) { return part.second.size() < kLeastPart; });
   if (cores.size() < 2) return {everything};
   std::vector<std::vector<size_t>> parts;
   std::vector<size_t> part_of(p_map.size(), p_map.size());
@@ -142,7 +144,7 @@ std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p
 }
 
 std::vector<ChangedThing> GroupThings(std::span<const PointHistory> histories, std::span<const Eigen::Vector3f> p_map,
-                                      const GroupingOptions& options) {
+                                      const Eigen::Vector3f& up_map, const GroupingOptions& options) {
   const NeighborGrid grid(p_map, options.gap_m);
   Forest forest(histories.size());
   for (size_t i = 0; i < histories.size(); ++i) {
@@ -156,9 +158,10 @@ std::vector<ChangedThing> GroupThings(std::span<const PointHistory> histories, s
   for (const auto& [root, thing] : by_root) {
     std::vector<Eigen::Vector3f> positions;
     for (const size_t i : thing.points) positions.push_back(p_map[i]);
-    for (const std::vector<size_t>& part : SplitAtNecks(positions)) {
+    for (const std::vector<size_t>& part : SplitAtNecks(positions, up_map)) {
       if (part.size() < options.min_points) continue;
       ChangedThing& one = things.emplace_back();
+      one.group = root;
       for (const size_t k : part) one.points.push_back(thing.points[k]);
     }
   }

@@ -32,6 +32,8 @@ bool TellTheSame(const PointHistory& a, const PointHistory& b);
 /// A thing that came or went: points near to each other with one history.
 struct ChangedThing {
   std::vector<size_t> points;  ///< indices of histories, ascending
+  /// Things of one number hung together until they were split at necks.
+  size_t group = 0;
 };
 
 struct GroupingOptions {
@@ -39,13 +41,13 @@ struct GroupingOptions {
   size_t min_points = 8;  ///< fewer are noise
 };
 
-/// Parts that a thing falls into when what is sparse between them is left out: things that stand side by side, with a
-/// few stray points between. `p_map` has a place for each of the thing's points; indices are into it.
-std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_map);
+/// Parts that a thing falls into, seen from above, when what is sparse between them is left out: things that stand side
+/// by side, with a few stray points between. `p_map` has a place for each of the thing's points; indices are into it.
+std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3f& up_map);
 
 /// Groups points that are linked over gaps of at most gap_m and tell the same (single linkage). `p_map` has a place for
 /// each history.
 std::vector<ChangedThing> GroupThings(std::span<const PointHistory> histories, std::span<const Eigen::Vector3f> p_map,
-                                      const GroupingOptions& options);
+                                      const Eigen::Vector3f& up_map, const GroupingOptions& options);
 
 }  // namespace mapp

@@ -25,11 +25,21 @@ bool IsSeenAlike(const SightedPoint& point, const Eigen::Vector3f& ray, float fo
   return false;
 }
 
+/// Rings around a camera in which distances differ by a factor of 1.41.
+int8_t RingOf(float distance_m) { return static_cast<int8_t>(std::floor(2 * std::log2(distance_m))); }
+
 void Count(uint16_t& counter) {
   if (counter < std::numeric_limits<uint16_t>::max()) ++counter;
 }
 
 }  // namespace
+
+bool PointJudge::Counts::CountsFrom(int8_t view_ring) {
+  if (view_ring > ring) return false;
+  if (view_ring < ring) num_seen = num_missed = 0;
+  ring = std::min(ring, view_ring);
+  return true;
+}
 
 void PointJudge::Add(const FrameView& view, std::span<const PointTiles::Points> tiles) {
   const Pose3 T_camera_map = view.T_map_camera.Inverse();
@@ -51,7 +61,9 @@ void PointJudge::Add(const FrameView& view, std::span<const PointTiles::Points> 
       if (!view.camera.Contains(pinhole.Project(p_camera.cast<double>()), options_.image_margin_px)) continue;
       if (!is_asked_(point)) continue;
       if (!IsSeenAlike(point, point.p_map - center_map, focal_px, nearest_share)) continue;
-      switch (view.geometry.At(p_camera)) {
+      const Sighting sighting = view.geometry.At(p_camera);
+      if (sighting == Sighting::kUnknown || !counts[i].CountsFrom(RingOf(p_camera.z()))) continue;
+      switch (sighting) {
         case Sighting::kSeen:
           Count(counts[i].num_seen);
           break;
@@ -90,7 +102,7 @@ std::vector<PointFinding> PointJudge::Conclude() const {
       if (!judged[i].counts.missed()) continue;
       near.clear();
       grid.VisitWithin(positions[i], [&](size_t j, float squared_m2) {
-        if (j != i) near.emplace_back(squared_m2, j);
+        if (j != i && judged[j].counts.ring <= judged[i].counts.ring + 1) near.emplace_back(squared_m2, j);
       });
       // Ties by id: the order of tiles in memory is chance.
       const auto is_nearer = [&](const auto& a, const auto& b) {

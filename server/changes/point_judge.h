@@ -7,6 +7,7 @@
 
 #include <cstdint>
 #include <functional>
+#include <limits>
 #include <memory>
 #include <span>
 #include <unordered_map>
@@ -47,8 +48,12 @@ class PointJudge {
   std::vector<PointFinding> Conclude() const;
 
  private:
+  /// Of the session's nearest views of the point: what is told apart grows with the distance.
   struct Counts {
     uint16_t num_seen = 0, num_missed = 0;
+    int8_t ring = std::numeric_limits<int8_t>::max();
+    /// Whether a view from that ring counts. Forgets what was counted from further away.
+    bool CountsFrom(int8_t view_ring);
     bool judged() const { return num_seen + num_missed > 0; }
     /// More views than one in five saw it: then it is there, and others looked past it.
     bool missed() const { return num_missed > 4 * num_seen; }

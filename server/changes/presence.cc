@@ -28,15 +28,24 @@ Belief Normalized(const Belief& belief) {
   return {belief[0] / sum, belief[1] / sum};
 }
 
+double LnBeta(double a, double b) { return std::lgamma(a) + std::lgamma(b) - std::lgamma(a + b); }
+
+/// ln of the probability of one course of `hits` and `others` whose rate is of Beta(a, b).
+double LnBetaBinomial(double hits, double others, double a, double b) {
+  return LnBeta(hits + a, others + b) - LnBeta(a, b);
+}
+
 }  // namespace
 
 double PresenceLogRatio(const PresenceEvidence& evidence, const PresenceOptions& options) {
   const double num = evidence.num_seen + evidence.num_missed;
   if (num == 0) return 0;
   const double independent = std::min(options.max_independent_points, options.independent_share * num);
-  const double missed = evidence.num_missed / num;
-  return independent * (missed * std::log(options.miss_if_present / (1 - options.see_if_absent)) +
-                        (1 - missed) * std::log((1 - options.miss_if_present) / options.see_if_absent));
+  const double num_missed = independent * evidence.num_missed / num, num_seen = independent - num_missed;
+  const double weight = options.rate_weight;
+  return LnBetaBinomial(num_missed, num_seen, weight * options.miss_if_present,
+                        weight * (1 - options.miss_if_present)) -
+         LnBetaBinomial(num_missed, num_seen, weight * (1 - options.see_if_absent), weight * options.see_if_absent);
 }
 
 PresencePosterior InferPresence(std::span<const PresenceEvidence> visits, const PresenceOptions& options) {

@@ -19,15 +19,18 @@ struct PresenceOptions {
   /// seen (Rosen et al. 2016, P_M and P_F). Measured in simulated garages and halls, see docs/evaluation.
   double miss_if_present = 0.1;
   double see_if_absent = 0.15;
+  /// These rates differ from thing to thing and from view to view: each is of a beta distribution with this mean, as if
+  /// so many points had told of it. Where a visit sees half of a thing, it says next to nothing.
+  double rate_weight = 10;
   /// Points of one thing see and miss together: what makes one seen makes its neighbours seen. So many of them at most
   /// count as independent, and a share of them below that.
-  double max_independent_points = 8;
-  double independent_share = 0.1;
+  double max_independent_points = 16;
+  double independent_share = 0.6;
   /// Mean time that a thing stays, and stays away (Perpetua, 2025: two exponential survival times in turn).
   double mean_stay_days = 30;
   /// Least probability of a change between two visits, however soon they follow: a world can change in a minute, and
   /// clocks are no evidence.
-  double min_switch = 0.005;
+  double min_switch = 0.01;
 };
 
 /// Probability that a thing was there at each visit, given all visits: a two-state hidden Markov model, forward and

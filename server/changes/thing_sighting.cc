@@ -4,6 +4,7 @@
 #include <array>
 #include <cmath>
 #include <limits>
+#include <map>
 #include <utility>
 
 namespace mapp {
@@ -16,6 +17,11 @@ constexpr size_t kNumAround = 3;
 /// Own points this much deeper than the thing there passed it, as half a logarithm of depth (12 %); so much before it
 /// they hide it.
 constexpr float kDepthTolerance = 0.06F;
+/// Where measuring ends it does so for some features before others.
+constexpr float kSureShare = 0.9F;
+
+/// What the rays of one square of the image (DepthRaster) say, the strongest last.
+enum class RayEnd : uint8_t { kPassed, kBlocked, kHit };
 
 float Cross(const Eigen::Vector2f& o, const Eigen::Vector2f& a, const Eigen::Vector2f& b) {
   return (a - o).x() * (b - o).y() - (a - o).y() * (b - o).x();
@@ -71,11 +77,13 @@ ThingSighting SightThing(const FrameView& view, std::span<const Eigen::Vector3f>
   const Eigen::Vector3f t_camera_map = T_camera_map.translation().cast<float>();
   const Eigen::Vector3f center_map = view.T_map_camera.translation().cast<float>();
   const PinholeCamera pinhole = view.camera.Undistorted();
+  const float farthest_m =
+      std::min(static_cast<float>(view.range_m), kSureShare * view.geometry.farthest_depth_m());
   std::vector<Eigen::Vector2f> outline;
   std::vector<float> half_ln_depths;
   for (size_t i = 0; i < p_map.size(); ++i) {
     const Eigen::Vector3f p_camera = R_camera_map * p_map[i] + t_camera_map;
-    if (p_camera.z() <= 0 || p_camera.z() > view.range_m) continue;
+    if (p_camera.z() <= 0 || p_camera.z() > farthest_m) continue;
     if (!view.camera.Contains(pinhole.Project(p_camera.cast<double>()))) continue;
     if ((p_map[i] - center_map).normalized().dot(directions[i]) < kLikeViewCosine) continue;
     outline.emplace_back(p_camera.x() / p_camera.z(), p_camera.y() / p_camera.z());
@@ -85,18 +93,25 @@ ThingSighting SightThing(const FrameView& view, std::span<const Eigen::Vector3f>
   if (outline.size() < kMinPoints) return sighting;
   const std::vector<Eigen::Vector2f> hull = HullOf(outline);
   for (size_t i = 2; i < hull.size(); ++i) sighting.outline_area += 0.5 * Cross(hull[0], hull[i - 1], hull[i]);
+  // One word a square: of what is near there are many features in one, of what is far the raster's measurement alone.
+  const auto cell = static_cast<float>(DepthRaster::kCellPx / view.camera.MeanFocalPx());
+  std::map<std::pair<int, int>, RayEnd> ends;
   for (const Eigen::Vector3f& q : view.geometry.points()) {
     const Eigen::Vector2f ray(q.x() / q.z(), q.y() / q.z());
     if (!IsInside(hull, ray)) continue;
     const auto [nearest, farthest] = DepthsAround(ray, outline, half_ln_depths);
     const float half_ln_z = 0.5F * std::log(q.z());
-    if (half_ln_z > farthest + kDepthTolerance) {
-      ++sighting.num_passed;
-    } else if (half_ln_z < nearest - kDepthTolerance) {
-      ++sighting.num_blocked;
-    } else {
-      ++sighting.num_hits;
-    }
+    const RayEnd end = half_ln_z > farthest + kDepthTolerance  ? RayEnd::kPassed
+                       : half_ln_z < nearest - kDepthTolerance ? RayEnd::kBlocked
+                                                               : RayEnd::kHit;
+    const std::pair square(static_cast<int>(std::floor(ray.x() / cell)), static_cast<int>(std::floor(ray.y() / cell)));
+    const auto [entry, is_new] = ends.try_emplace(square, end);
+    if (!is_new) entry->second = std::max(entry->second, end);
+  }
+  for (const auto& [square, end] : ends) {
+    sighting.num_passed += end == RayEnd::kPassed ? 1 : 0;
+    sighting.num_blocked += end == RayEnd::kBlocked ? 1 : 0;
+    sighting.num_hits += end == RayEnd::kHit ? 1 : 0;
   }
   return sighting;
 }

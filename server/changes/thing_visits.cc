@@ -13,10 +13,21 @@ struct Looked {
   SessionId session;
   int64_t time_ns = 0;
   double num_hits = 0, num_passed = 0;
-  double area = 0;           ///< of the outlines in all views
-  double complete_area = 0;  ///< ... in those that are complete, with nothing before the thing
-  size_t num_views = 0;
+  double area = 0;  ///< of the outlines in all views
   size_t num_that_saw = 0;
+  struct View {
+    double area = 0, num_blocked = 0;
+  };
+  size_t num_views = 0;
+  std::vector<View> complete_views;
+
+  /// Rays that should have ended at the thing, were it there: so many for its size in the images, but for those that
+  /// ended before it.
+  double NumExpected(double rays_per_area) const {
+    double num_expected = 0;
+    for (const View& view : complete_views) num_expected += std::max(0.0, rays_per_area * view.area - view.num_blocked);
+    return num_expected;
+  }
 };
 
 /// Sessions that have judged enough of the thing's points.
@@ -49,7 +60,7 @@ StatusOr<Looked> Look(const ThingPoints& points, SessionId session, FindingsMake
     all.num_that_saw += sighting.num_hits > sighting.num_passed ? 1 : 0;
     if (!view->complete) continue;
     all.num_passed += static_cast<double>(sighting.num_passed);
-    if (sighting.num_blocked <= sighting.num_hits + sighting.num_passed) all.complete_area += sighting.outline_area;
+    all.complete_views.push_back({sighting.outline_area, static_cast<double>(sighting.num_blocked)});
   }
   return all;
 }
@@ -80,7 +91,7 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
   std::vector<ThingVisit> visits;
   for (const Looked& one : looked) {
     if (one.num_views == 0) continue;
-    const double expected = options.least_density_share * greatest_density * one.complete_area;
+    const double expected = one.NumExpected(options.least_density_share * greatest_density);
     const double missed = std::max({0.0, one.num_passed, expected - one.num_hits});
     const double share =
         options.independent_views / std::max(options.independent_views, static_cast<double>(one.num_views));

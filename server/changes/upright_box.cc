@@ -66,11 +66,12 @@ OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vect
 }
 
 OrientedBox WithHiddenPart(const OrientedBox& box_map, const Eigen::Vector3d& view_map) {
-  constexpr double kLeastOneSided = 0.5, kDepthPerSide = 1.6, kLongestPerHeight = 1.3;
+  constexpr double kLeastOneSided = 0.3, kWholePerHeight = 1.2, kDepthPerSide = 1.6, kLongestPerHeight = 1.3;
   const Eigen::Vector3d view_box = box_map.T_frame_box.rotation().conjugate() * view_map;
-  if (view_box.head<2>().norm() < kLeastOneSided) return box_map;
-  const int depth_axis = std::abs(view_box.x()) > std::abs(view_box.y()) ? 0 : 1;
+  const int depth_axis = box_map.size_m.x() < box_map.size_m.y() ? 0 : 1;
   const double width_m = box_map.size_m[1 - depth_axis], height_m = box_map.size_m.z();
+  if (std::abs(view_box[depth_axis]) < kLeastOneSided) return box_map;
+  if (box_map.size_m[depth_axis] > kWholePerHeight * height_m) return box_map;
   const double depth_m = kDepthPerSide * std::min(width_m, kLongestPerHeight * height_m);
   const double added_m = depth_m - box_map.size_m[depth_axis];
   if (added_m <= 0) return box_map;
