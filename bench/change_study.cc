@@ -131,7 +131,7 @@ void Run(char** argv) {
               if (pc.norm() > 1.2 * farthest) { ++c[4]; continue; }
               if (pc.norm() < farthest / 3.583) { ++c[5]; continue; }
               ++by_z[std::min(9, int(pc.z()))][size_t(view->geometry.At(pc.cast<float>()))];
-              switch (view->geometry.At(pc.cast<float>())) { case Sighting::kUnknown: ++c[6]; break; case Sighting::kSeen: ++c[7]; break; case Sighting::kMissed: ++c[8]; break; case Sighting::kEmpty: ++c[9]; break; }
+              switch (view->geometry.At(pc.cast<float>())) { case SurfaceSighting::kUnknown: ++c[6]; break; case SurfaceSighting::kSeen: ++c[7]; break; case SurfaceSighting::kMissed: ++c[8]; break; case SurfaceSighting::kEmpty: ++c[9]; break; }
             }
           }
           for (size_t z=0; z<10; ++z) fmt::print("      z{}: {}\n", z, fmt::join(by_z[z], " "));

@@ -81,6 +81,15 @@ v1::Box ToProto(const Aabb& box) {
   return proto;
 }
 
+v1::OrientedBox ToProto(const OrientedBox& box) {
+  v1::OrientedBox out;
+  *out.mutable_pose() = ToProto(box.T_frame_box);
+  out.set_size_x_m(box.size_m.x());
+  out.set_size_y_m(box.size_m.y());
+  out.set_size_z_m(box.size_m.z());
+  return out;
+}
+
 v1::SensorKind ToProto(SensorKind kind) {
   switch (kind) {
     case SensorKind::kMono:

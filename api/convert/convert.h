@@ -4,6 +4,7 @@
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/feature/feature_settings.h"
+#include "mapp/geometry/oriented_box.h"
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/tile.h"
 #include "mapp/v1/types.pb.h"
@@ -23,6 +24,7 @@ StatusOr<double> ScaleFromProto(double scale, const std::string& field);
 
 v1::Point3 ToProto(const Eigen::Vector3d& point);
 v1::Box ToProto(const Aabb& box);
+v1::OrientedBox ToProto(const OrientedBox& box);
 
 v1::SensorKind ToProto(SensorKind kind);
 StatusOr<SensorKind> FromProto(v1::SensorKind kind, const std::string& field);

@@ -108,7 +108,8 @@ void Absorb(Part& into, Part&& part) {
 std::vector<Part> JoinParts(std::vector<Part> parts, double max_gap_m) {
   for (size_t i = 0; i < parts.size(); ++i) {
     for (size_t k = i + 1; k < parts.size();) {
-      if (parts[i].group != parts[k].group && HappenedTogether(parts[i].change, parts[k].change) && GapBetween(parts[i], parts[k]) <= max_gap_m) {
+      if (parts[i].group != parts[k].group && HappenedTogether(parts[i].change, parts[k].change) &&
+          GapBetween(parts[i], parts[k]) <= max_gap_m) {
         Absorb(parts[i], std::move(parts[k]));
         parts.erase(parts.begin() + static_cast<std::ptrdiff_t>(k));
         k = i + 1;  // it has grown

@@ -41,7 +41,7 @@ bool PointJudge::Counts::CountsFrom(int8_t view_ring) {
   return true;
 }
 
-void PointJudge::Add(const FrameView& view, std::span<const PointTiles::Points> tiles) {
+void PointJudge::Add(const WitnessView& view, std::span<const PointTiles::Points> tiles) {
   const Pose3 T_camera_map = view.T_map_camera.Inverse();
   const Eigen::Matrix3f R_camera_map = T_camera_map.RotationMatrix().cast<float>();
   const Eigen::Vector3f t_camera_map = T_camera_map.translation().cast<float>();
@@ -61,17 +61,17 @@ void PointJudge::Add(const FrameView& view, std::span<const PointTiles::Points> 
       if (!view.camera.Contains(pinhole.Project(p_camera.cast<double>()), options_.image_margin_px)) continue;
       if (!is_asked_(point)) continue;
       if (!IsSeenAlike(point, point.p_map - center_map, focal_px, nearest_share)) continue;
-      const Sighting sighting = view.geometry.At(p_camera);
-      if (sighting == Sighting::kUnknown || !counts[i].CountsFrom(RingOf(p_camera.z()))) continue;
+      const SurfaceSighting sighting = view.geometry.At(p_camera);
+      if (sighting == SurfaceSighting::kUnknown || !counts[i].CountsFrom(RingOf(p_camera.z()))) continue;
       switch (sighting) {
-        case Sighting::kSeen:
+        case SurfaceSighting::kSeen:
           Count(counts[i].num_seen);
           break;
-        case Sighting::kMissed:
-        case Sighting::kEmpty:
+        case SurfaceSighting::kMissed:
+        case SurfaceSighting::kEmpty:
           if (view.complete) Count(counts[i].num_missed);
           break;
-        case Sighting::kUnknown:
+        case SurfaceSighting::kUnknown:
           break;
       }
     }

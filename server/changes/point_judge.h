@@ -1,7 +1,7 @@
 #pragma once
 
-#include "server/changes/frame_views.h"
 #include "server/changes/point_tiles.h"
+#include "server/changes/witness_views.h"
 
 #include <Eigen/Core>
 
@@ -23,7 +23,7 @@ struct PointFinding {
   friend bool operator==(const PointFinding&, const PointFinding&) = default;
 };
 
-struct JudgeOptions {
+struct PointJudgeOptions {
   /// Nearest judged neighbours that a missed point is compared with (K of the paper), within which distance, and how
   /// many of them must be missed as well: things vanish whole, points that a detector passes over do so alone.
   size_t num_neighbors = 8;
@@ -39,11 +39,11 @@ struct JudgeOptions {
 class PointJudge {
  public:
   /// `is_asked(const SightedPoint&)`: points that are to be judged.
-  PointJudge(const JudgeOptions& options, std::function<bool(const SightedPoint&)> is_asked)
+  PointJudge(const PointJudgeOptions& options, std::function<bool(const SightedPoint&)> is_asked)
       : options_(options), is_asked_(std::move(is_asked)) {}
 
   /// `tiles`: those that meet the view's box.
-  void Add(const FrameView& view, std::span<const PointTiles::Points> tiles);
+  void Add(const WitnessView& view, std::span<const PointTiles::Points> tiles);
   /// Judged points by ascending id. Missed ones whose neighbours were seen are left out.
   std::vector<PointFinding> Conclude() const;
 
@@ -59,7 +59,7 @@ class PointJudge {
     bool missed() const { return num_missed > 4 * num_seen; }
   };
 
-  JudgeOptions options_;
+  PointJudgeOptions options_;
   std::function<bool(const SightedPoint&)> is_asked_;
   std::unordered_map<PointTiles::Points, std::vector<Counts>> counts_;
 };

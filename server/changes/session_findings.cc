@@ -59,7 +59,7 @@ StatusOr<FindingsMaker::NewPoints> FindingsMaker::Judge(const CallContext& conte
   std::set<const void*> seen_tiles;
   for (const FrameRecord& frame : session.frames) {
     MAPP_RETURN_IF_ERROR(context.Check());
-    MAPP_ASSIGN_OR_RETURN(const std::shared_ptr<const FrameView> view, views_.Get(frame, session.record));
+    MAPP_ASSIGN_OR_RETURN(const std::shared_ptr<const WitnessView> view, views_.Get(frame, session.record));
     MAPP_ASSIGN_OR_RETURN(const std::vector<PointTiles::Points> tiles, tiles_.InBox(view->box_map));
     judge.Add(*view, tiles);
     for (const PointTiles::Points& tile : tiles) {
@@ -98,9 +98,10 @@ Status FindingsMaker::AskEarlier(const CallContext& context, const NewPoints& ne
   return absl::OkStatus();
 }
 
-StatusOr<std::vector<std::shared_ptr<const FrameView>>> FindingsMaker::ViewsInto(SessionId session, const Aabb& box_map,
-                                                                                 size_t max_views) {
-  std::vector<std::shared_ptr<const FrameView>> views;
+StatusOr<std::vector<std::shared_ptr<const WitnessView>>> FindingsMaker::ViewsInto(SessionId session,
+                                                                                   const Aabb& box_map,
+                                                                                   size_t max_views) {
+  std::vector<std::shared_ptr<const WitnessView>> views;
   const auto found = sessions_.find(session);
   if (found == sessions_.end()) return views;
   std::vector<std::pair<double, const FrameRecord*>> near;
@@ -113,7 +114,7 @@ StatusOr<std::vector<std::shared_ptr<const FrameView>>> FindingsMaker::ViewsInto
   });
   for (const auto& [squared_m2, frame] : near) {
     if (views.size() == max_views) break;
-    MAPP_ASSIGN_OR_RETURN(std::shared_ptr<const FrameView> view, views_.Get(*frame, found->second.record));
+    MAPP_ASSIGN_OR_RETURN(std::shared_ptr<const WitnessView> view, views_.Get(*frame, found->second.record));
     if (view->box_map.intersects(box_map)) views.push_back(std::move(view));
   }
   return views;

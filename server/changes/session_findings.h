@@ -2,9 +2,9 @@
 
 #include "mapp/base/call_context.h"
 #include "mapp/base/status.h"
-#include "server/changes/frame_views.h"
 #include "server/changes/point_judge.h"
 #include "server/changes/point_tiles.h"
+#include "server/changes/witness_views.h"
 #include "storage/records.h"
 
 #include <Eigen/Core>
@@ -43,7 +43,7 @@ std::string EncodeFindings(const SessionFindings& findings);
 StatusOr<SessionFindings> DecodeFindings(std::string_view bytes);
 
 struct FindingsOptions {
-  JudgeOptions judge;
+  PointJudgeOptions judge;
   /// Earlier sessions that are asked about new points of a tile, the latest first.
   size_t max_earlier_sessions = 4;
   /// Views of one earlier session that are asked about a tile's new points, the nearest first.
@@ -64,8 +64,8 @@ class FindingsMaker {
   std::span<const FrameRecord> FramesOf(SessionId session) const;
   /// Views of the session that may see into the box, at most `max_views` of those nearest to it; empty for a session
   /// that the map does not have.
-  StatusOr<std::vector<std::shared_ptr<const FrameView>>> ViewsInto(SessionId session, const Aabb& box_map,
-                                                                    size_t max_views);
+  StatusOr<std::vector<std::shared_ptr<const WitnessView>>> ViewsInto(SessionId session, const Aabb& box_map,
+                                                                      size_t max_views);
 
  private:
   struct Session {
@@ -80,7 +80,7 @@ class FindingsMaker {
   const FindingsOptions options_;
   const double range_m_;
   std::map<SessionId, Session> sessions_;
-  FrameViews views_;
+  WitnessViews views_;
   PointTiles tiles_;
 };
 

@@ -70,15 +70,14 @@ std::pair<float, float> DepthsAround(const Eigen::Vector2f& ray, std::span<const
 
 }  // namespace
 
-ThingSighting SightThing(const FrameView& view, std::span<const Eigen::Vector3f> p_map,
+ThingSighting SightThing(const WitnessView& view, std::span<const Eigen::Vector3f> p_map,
                          std::span<const Eigen::Vector3f> directions) {
   const Pose3 T_camera_map = view.T_map_camera.Inverse();
   const Eigen::Matrix3f R_camera_map = T_camera_map.RotationMatrix().cast<float>();
   const Eigen::Vector3f t_camera_map = T_camera_map.translation().cast<float>();
   const Eigen::Vector3f center_map = view.T_map_camera.translation().cast<float>();
   const PinholeCamera pinhole = view.camera.Undistorted();
-  const float farthest_m =
-      std::min(static_cast<float>(view.range_m), kSureShare * view.geometry.farthest_depth_m());
+  const float farthest_m = std::min(static_cast<float>(view.range_m), kSureShare * view.geometry.farthest_depth_m());
   std::vector<Eigen::Vector2f> outline;
   std::vector<float> half_ln_depths;
   for (size_t i = 0; i < p_map.size(); ++i) {

@@ -1,8 +1,8 @@
 #pragma once
 
-#include "server/changes/frame_views.h"
 #include "server/changes/point_tiles.h"
 #include "server/changes/presence.h"
+#include "server/changes/witness_views.h"
 
 #include <Eigen/Core>
 
@@ -23,7 +23,7 @@ struct ThingSighting {
 /// Compares the rays of a view with the thing's silhouette, the convex hull of its points as the view sees them: what
 /// is thinner than the gaps between a view's points is told from what is gone, since no ray passes through it. Zeros
 /// where the view sees too few of the points, or not from where they were seen.
-ThingSighting SightThing(const FrameView& view, std::span<const Eigen::Vector3f> p_map,
+ThingSighting SightThing(const WitnessView& view, std::span<const Eigen::Vector3f> p_map,
                          std::span<const Eigen::Vector3f> directions);
 
 }  // namespace mapp

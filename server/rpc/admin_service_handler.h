@@ -82,6 +82,16 @@ class AdminServiceHandler final : public v1::AdminService::Service {
   grpc::Status ImportBundle(
       grpc::ServerContext* context,
       grpc::ServerReaderWriter<v1::ImportBundleResponse, v1::ImportBundleRequest>* stream) override;
+  grpc::Status DetectChanges(grpc::ServerContext* context, const v1::DetectChangesRequest* request,
+                             grpc::ServerWriter<v1::DetectChangesResponse>* writer) override;
+  grpc::Status ListChanges(grpc::ServerContext* context, const v1::ListChangesRequest* request,
+                           v1::ListChangesResponse* response) override;
+  grpc::Status AcceptChanges(grpc::ServerContext* context, const v1::AcceptChangesRequest* request,
+                             v1::DecideChangesResponse* response) override;
+  grpc::Status RejectChanges(grpc::ServerContext* context, const v1::RejectChangesRequest* request,
+                             v1::DecideChangesResponse* response) override;
+  grpc::Status UndoChanges(grpc::ServerContext* context, const v1::UndoChangesRequest* request,
+                           v1::DecideChangesResponse* response) override;
 
  private:
   MapService& service_;

@@ -72,4 +72,24 @@ v1::ExportedPoint ToProto(const PointRecord& point) {
   return exported;
 }
 
+v1::Change ToProto(const ChangeRecord& change) {
+  v1::Change out;
+  out.set_id(change.id.value());
+  out.set_kind(static_cast<v1::ChangeKind>(change.kind));  // the same numbers
+  out.set_status(static_cast<v1::ChangeStatus>(change.status));
+  out.set_confidence(change.confidence);
+  out.set_after_unix_ns(change.after_ns);
+  out.set_before_unix_ns(change.before_ns);
+  out.set_first_seen_unix_ns(change.first_seen_ns);
+  out.set_last_seen_unix_ns(change.last_seen_ns);
+  for (const SessionId session : change.sessions) out.add_session_ids(static_cast<uint32_t>(session.value()));
+  if (change.box_before) *out.mutable_box_before() = ToProto(*change.box_before);
+  if (change.box_after) *out.mutable_box_after() = ToProto(*change.box_after);
+  for (const MapPointId point : change.points_before) out.add_points_before(point.value());
+  for (const MapPointId point : change.points_after) out.add_points_after(point.value());
+  out.set_detected_revision(change.detected.value());
+  if (change.applied) out.set_applied_revision(change.applied->value());
+  return out;
+}
+
 }  // namespace mapp

@@ -10,5 +10,6 @@ v1::MapInfo ToProto(const MapRecord& map);
 v1::SessionInfo ToProto(const SessionRecord& session, const std::string& map_name);
 v1::ExportedFrame ToProto(const FrameRecord& frame);
 v1::ExportedPoint ToProto(const PointRecord& point);
+v1::Change ToProto(const ChangeRecord& change);
 
 }  // namespace mapp

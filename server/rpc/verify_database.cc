@@ -1,23 +1,8 @@
+#include "mapp/base/claim.h"
 #include "server/rpc/admin_service_handler.h"
 
 namespace mapp {
 namespace {
-
-/// Sets a flag while it lives, if nobody else has.
-class Claim {
- public:
-  explicit Claim(std::atomic<bool>& flag) : flag_(flag), is_mine_(!flag.exchange(true)) {}
-  ~Claim() {
-    if (is_mine_) flag_ = false;
-  }
-  Claim(const Claim&) = delete;
-  Claim& operator=(const Claim&) = delete;
-  bool is_mine() const { return is_mine_; }
-
- private:
-  std::atomic<bool>& flag_;
-  const bool is_mine_;
-};
 
 v1::VerifyDatabaseResponse ProgressMessage(const VerifyProgress& progress) {
   v1::VerifyDatabaseResponse message;

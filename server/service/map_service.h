@@ -4,6 +4,8 @@
 #include "mapp/base/status.h"
 #include "mapp/codec/query_codec.h"
 #include "mapp/view/view_cone.h"
+#include "server/changes/change_scan.h"
+#include "server/service/change_decision.h"
 #include "server/service/compaction.h"
 #include "server/service/map_bundle.h"
 #include "server/service/map_history.h"
@@ -18,6 +20,7 @@
 #include <functional>
 #include <memory>
 #include <optional>
+#include <span>
 #include <string>
 #include <vector>
 
@@ -108,6 +111,19 @@ class MapService {
   /// CompactMap (compaction.h) of this service's store, now.
   StatusOr<Compaction> CompactMap(const CallContext& context, const CompactionRequest& request,
                                   const CompactionObserver& on_progress);
+
+  /// Looks through the map's history for changes of the world (ScanForChanges) and keeps them (MatchChanges); those that
+  /// are at least `auto_accept` sure are accepted, 0: none. FAILED_PRECONDITION: another call does so.
+  StatusOr<DetectedChanges> DetectChanges(const CallContext& context, const ChangeSearch& search,
+                                          const std::function<void(const ScanProgress&)>& on_progress);
+  StatusOr<std::vector<ChangeRecord>> ListChanges(const CallContext& context, const std::string& map_name);
+  /// change_decision.h, of changes of this map; devices that hold tiles of it are told.
+  StatusOr<ChangeDecision> AcceptChanges(const CallContext& context, const std::string& map_name,
+                                         std::span<const ChangeId> ids);
+  StatusOr<ChangeDecision> RejectChanges(const CallContext& context, const std::string& map_name,
+                                         std::span<const ChangeId> ids);
+  StatusOr<ChangeDecision> UndoChanges(const CallContext& context, const std::string& map_name,
+                                       std::span<const ChangeId> ids);
 
   /// ExportBundle (map_bundle.h) from one snapshot: now, or as it was. Errors as GetMap.
   Status ExportBundle(const CallContext& context, const std::string& name, const std::string& at, ByteSink sink,

@@ -8,6 +8,8 @@
 #include "server/service/update_checker.h"
 #include "storage/map_store.h"
 
+#include <atomic>
+
 namespace mapp {
 
 /// Parts in the order in which they need each other: threads come last and end first.
@@ -59,6 +61,13 @@ struct MapService::Impl {
   Integrator integrator;
   SharedMapSender shared_map;
   UpdateOptions update_options;
+  ScanOptions scan_options;
+  std::atomic<bool> detecting = false;
+
+  /// Runs `decide` in one change of the store, and tells tiles and devices of it.
+  Status Decide(const CallContext& context, const std::string& map_name, ChangeDecision& decision,
+                const std::function<StatusOr<ChangeDecision>(MapWriter&, const MapRecord&)>& decide);
+  void Announce(MapId map, const ChangeDecision& decision);
 };
 
 }  // namespace mapp

@@ -5,6 +5,7 @@
 #include "storage/records.h"
 
 #include <cstdint>
+#include <limits>
 #include <optional>
 #include <string>
 #include <vector>
@@ -85,6 +86,21 @@ struct ErasedSession {
   size_t num_points = 0;
   size_t num_points_kept = 0;             ///< of its points, those that others observe
   std::vector<std::string> dropped_tags;  ///< of earlier revisions
+};
+/// In which sessions to look for changes of the world: those opened in [from_ns, to_ns], Unix time.
+struct ChangeSearch {
+  std::string map_name;
+  int64_t from_ns = std::numeric_limits<int64_t>::min();
+  int64_t to_ns = std::numeric_limits<int64_t>::max();
+  double auto_accept = 0;  ///< least confidence of what is accepted at once; 0: nothing
+};
+struct DetectedChanges {
+  std::vector<ChangeRecord> changes;  ///< that this time tells of, by id
+  size_t num_new = 0;
+  size_t num_dropped = 0;  ///< proposed earlier, and no more
+  size_t num_accepted = 0;
+  size_t num_sessions = 0;       ///< that told
+  size_t num_sessions_read = 0;  ///< of them, those whose keyframes were read
 };
 struct ReleasedSession {
   SessionRecord session;

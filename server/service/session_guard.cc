@@ -6,7 +6,6 @@
 #include "server/service/tile_cache.h"
 #include "storage/map_store.h"
 
-#include <fmt/chrono.h>
 #include <fmt/format.h>
 
 #include <set>
@@ -14,10 +13,6 @@
 
 namespace mapp {
 namespace {
-
-std::string FormatTime(int64_t unix_ns) {
-  return fmt::format("{:%Y-%m-%dT%H:%M:%SZ}", fmt::gmtime(static_cast<std::time_t>(unix_ns / 1'000'000'000)));
-}
 
 /// The closed ones owe their optimization again.
 StatusOr<std::vector<SessionId>> OweOptimization(MapWriter& writer, const std::set<SessionId>& sessions) {
@@ -63,7 +58,7 @@ Status CheckNotQuarantined(const SessionRecord& session) {
       fmt::format("session {0} is quarantined since {1}: {2}. Nothing of it enters the map. Check the device's "
                   "calibration and depth scale and open a new session; if this one is right, an operator lifts the "
                   "quarantine with `mapp sessions release {0}`",
-                  session.id.value(), FormatTime(session.quarantine->since_ns), session.quarantine->reason));
+                  session.id.value(), FormatUtc(session.quarantine->since_ns), session.quarantine->reason));
 }
 
 SessionGuard::SessionGuard(MapStore& store, TileCache& tiles, SessionEvents& events, const GuardOptions& options)

@@ -68,9 +68,9 @@ void SeenGeometry::VisitNear(float x, float y, float radius, const Visit& visit)
   }
 }
 
-Sighting SeenGeometry::At(const Eigen::Vector3f& p_camera) const {
-  if (p_camera.z() <= 0) return Sighting::kUnknown;
-  if (entries_.empty()) return Sighting::kEmpty;
+SurfaceSighting SeenGeometry::At(const Eigen::Vector3f& p_camera) const {
+  if (p_camera.z() <= 0) return SurfaceSighting::kUnknown;
+  if (entries_.empty()) return SurfaceSighting::kEmpty;
   const float x = p_camera.x() / p_camera.z(), y = p_camera.y() / p_camera.z();
   const float half_ln_z = 0.5F * std::log(p_camera.z());
   const float match_radius = options_.match_radius;
@@ -99,14 +99,14 @@ Sighting SeenGeometry::At(const Eigen::Vector3f& p_camera) const {
     }
     return true;
   });
-  if (seen) return Sighting::kSeen;
-  if (num_around == 0) return Sighting::kEmpty;
+  if (seen) return SurfaceSighting::kSeen;
+  if (num_around == 0) return SurfaceSighting::kEmpty;
   size_t num_beyond = 0;
   for (size_t i = 0; i < num_around; ++i) {
-    if (around[i].second < -match_radius) return Sighting::kUnknown;  // something nearer may hide it
+    if (around[i].second < -match_radius) return SurfaceSighting::kUnknown;  // something nearer may hide it
     num_beyond += around[i].second > match_radius ? 1 : 0;
   }
-  return num_beyond >= kMinBeyond ? Sighting::kMissed : Sighting::kUnknown;
+  return num_beyond >= kMinBeyond ? SurfaceSighting::kMissed : SurfaceSighting::kUnknown;
 }
 
 std::vector<Eigen::Vector3f> OwnSurfacePoints(const Keyframe& keyframe, const Camera& camera, double scale) {

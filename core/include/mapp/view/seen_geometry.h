@@ -11,7 +11,7 @@
 namespace mapp {
 
 /// What one view says of a map point that it should have seen.
-enum class Sighting : uint8_t {
+enum class SurfaceSighting : uint8_t {
   kUnknown = 0,  ///< something nearer may hide it, or it cannot be told
   kSeen = 1,     ///< there is a surface where it lies
   kMissed = 2,   ///< the ray to it goes on to surfaces beyond
@@ -38,7 +38,7 @@ class SeenGeometry {
 
   /// Of a place in front of the camera, metres. kMissed: of the three own points next to its ray at least two lie
   /// beyond it by more than the match radius, and none before it.
-  Sighting At(const Eigen::Vector3f& p_camera) const;
+  SurfaceSighting At(const Eigen::Vector3f& p_camera) const;
 
   const std::vector<Eigen::Vector3f>& points() const { return p_camera_; }
   float farthest_depth_m() const { return farthest_depth_m_; }
@@ -64,7 +64,8 @@ class SeenGeometry {
 };
 
 /// The keyframe's features that have a depth, and the squares of its raster that hold none of them, in its camera's
-/// frame; depths and so the points are multiplied by `scale` (of sessions without metres, SessionRecord::scale_map_session).
+/// frame; depths and so the points are multiplied by `scale` (of sessions without metres,
+/// SessionRecord::scale_map_session).
 std::vector<Eigen::Vector3f> OwnSurfacePoints(const Keyframe& keyframe, const Camera& camera, double scale = 1);
 
 }  // namespace mapp

@@ -1,4 +1,4 @@
-#include "server/changes/frame_views.h"
+#include "server/changes/witness_views.h"
 
 #include "mapp/codec/keyframe_codec.h"
 #include "mapp/view/view_cone.h"
@@ -24,8 +24,8 @@ double GreatestSecant(const Camera& camera) {
 
 }  // namespace
 
-FrameView::FrameView(const FrameRecord& record, const Camera& with_camera, double with_range_m,
-                     SeenGeometry with_geometry, bool is_complete)
+WitnessView::WitnessView(const FrameRecord& record, const Camera& with_camera, double with_range_m,
+                         SeenGeometry with_geometry, bool is_complete)
     : frame(record.id),
       T_map_camera(record.T_frame_camera),
       camera(with_camera),
@@ -37,10 +37,10 @@ FrameView::FrameView(const FrameRecord& record, const Camera& with_camera, doubl
   box_map = ViewCone{T_map_camera, reach_m, camera.FieldOfView()}.BoundingBox();
 }
 
-FrameViews::FrameViews(MapReader& reader, const MapRecord& map, size_t max_kept)
+WitnessViews::WitnessViews(MapReader& reader, const MapRecord& map, size_t max_kept)
     : reader_(reader), range_m_(map.cone_range_m), max_kept_(max_kept) {}
 
-StatusOr<std::shared_ptr<const FrameView>> FrameViews::Get(const FrameRecord& frame, const SessionRecord& session) {
+StatusOr<std::shared_ptr<const WitnessView>> WitnessViews::Get(const FrameRecord& frame, const SessionRecord& session) {
   if (const auto found = index_.find(frame.id); found != index_.end()) {
     kept_.splice(kept_.begin(), kept_, found->second);
     return found->second->second;
@@ -52,7 +52,7 @@ StatusOr<std::shared_ptr<const FrameView>> FrameViews::Get(const FrameRecord& fr
   }
   MAPP_ASSIGN_OR_RETURN(const std::string packet, reader_.GetPacket(frame.id));
   MAPP_ASSIGN_OR_RETURN(const Keyframe keyframe, DecodeKeyframe(packet));
-  auto view = std::make_shared<const FrameView>(
+  auto view = std::make_shared<const WitnessView>(
       frame, camera->second, range_m_,
       SeenGeometry(OwnSurfacePoints(keyframe, camera->second, session.scale_map_session)),
       !keyframe.partial || keyframe.raster.has_value());

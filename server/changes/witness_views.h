@@ -19,9 +19,9 @@ namespace mapp {
 class MapReader;
 
 /// A frame that stands in the map, as a witness: where it looked from, and where it measured surfaces.
-struct FrameView {
-  FrameView(const FrameRecord& record, const Camera& with_camera, double with_range_m, SeenGeometry with_geometry,
-            bool is_complete);
+struct WitnessView {
+  WitnessView(const FrameRecord& record, const Camera& with_camera, double with_range_m, SeenGeometry with_geometry,
+              bool is_complete);
 
   FrameId frame;
   Pose3 T_map_camera;
@@ -34,15 +34,15 @@ struct FrameView {
 };
 
 /// What frames of one map measured, read from the keyframe log when asked for; those used last are kept.
-class FrameViews {
+class WitnessViews {
  public:
   /// Borrows the reader.
-  FrameViews(MapReader& reader, const MapRecord& map, size_t max_kept);
+  WitnessViews(MapReader& reader, const MapRecord& map, size_t max_kept);
 
-  StatusOr<std::shared_ptr<const FrameView>> Get(const FrameRecord& frame, const SessionRecord& session);
+  StatusOr<std::shared_ptr<const WitnessView>> Get(const FrameRecord& frame, const SessionRecord& session);
 
  private:
-  using Kept = std::list<std::pair<FrameId, std::shared_ptr<const FrameView>>>;
+  using Kept = std::list<std::pair<FrameId, std::shared_ptr<const WitnessView>>>;
 
   MapReader& reader_;
   const double range_m_;
