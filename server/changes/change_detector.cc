@@ -1,5 +1,6 @@
 #include "server/changes/change_detector.h"
 
+#include "server/changes/thing_groups.h"
 #include "server/changes/thing_visits.h"
 #include "server/changes/upright_box.h"
 #include "storage/map_store.h"
@@ -160,17 +161,21 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
     if (record.in_map) live.emplace(record.id, &record);
   }
   std::vector<PointHistory> histories;
+  std::vector<PointCourse> courses;
   std::vector<Eigen::Vector3f> p_map, directions;
   for (PointHistory& history : missed) {
     const auto record = live.find(history.point);
     if (record == live.end()) continue;
+    std::optional<PointCourse> course = CourseOf(history);
+    if (!course) continue;
+    courses.push_back(*std::move(course));
     p_map.push_back(record->second->position.cast<float>());
     directions.push_back(record->second->view_direction);
     histories.push_back(std::move(history));
   }
   const Eigen::Vector3d up_map = UpDirection(frames);
   std::vector<Part> parts;
-  for (const ChangedThing& thing : GroupThings(histories, p_map, up_map.cast<float>(), options.grouping)) {
+  for (const ChangedThing& thing : GroupThings(courses, p_map, up_map.cast<float>(), options.grouping)) {
     ThingPoints points;
     std::vector<const PointHistory*> of_thing;
     for (const size_t i : thing.points) {

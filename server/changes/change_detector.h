@@ -1,8 +1,8 @@
 #pragma once
 
-#include "server/changes/point_history.h"
 #include "server/changes/presence.h"
 #include "server/changes/session_findings.h"
+#include "server/changes/thing_groups.h"
 #include "server/changes/thing_visits.h"
 #include "storage/records.h"
 

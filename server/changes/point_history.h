@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include <cstdint>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -26,28 +27,19 @@ struct PointHistory {
 /// Of the points that any session has missed, by id: all that sessions tell of the others is that they are there.
 std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings);
 
-/// Whether two points may be of one thing: some session missed both, and hardly any saw one and missed the other.
-bool TellTheSame(const PointHistory& a, const PointHistory& b);
-
-/// A thing that came or went: points near to each other with one history.
-struct ChangedThing {
-  std::vector<size_t> points;  ///< indices of histories, ascending
-  /// Things of one number hung together until they were split at necks.
-  size_t group = 0;
+/// Whether a point was there at each visit that could tell, by session.
+struct PointCourse {
+  struct Visit {
+    SessionId session;
+    bool is_there = false;
+  };
+  std::vector<Visit> visits;
 };
 
-struct GroupingOptions {
-  float gap_m = 0.5F;     ///< points of one thing have a neighbour within it
-  size_t min_points = 8;  ///< fewer are noise
-};
-
-/// Parts that a thing falls into, seen from above, when what is sparse between them is left out: things that stand side
-/// by side, with a few stray points between. `p_map` has a place for each of the thing's points; indices are into it.
-std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3f& up_map);
-
-/// Groups points that are linked over gaps of at most gap_m and tell the same (single linkage). `p_map` has a place for
-/// each history.
-std::vector<ChangedThing> GroupThings(std::span<const PointHistory> histories, std::span<const Eigen::Vector3f> p_map,
-                                      const Eigen::Vector3f& up_map, const GroupingOptions& options);
+/// The history without chance: a visit that contradicts those before and after it counts only when several of its views
+/// say so. nullopt where it tells of no thing that stays: the point was always there or never, one visit alone saw it
+/// and others before and after did not (somebody passed, or something stood there for a moment), or visits do not
+/// agree.
+std::optional<PointCourse> CourseOf(const PointHistory& history);
 
 }  // namespace mapp

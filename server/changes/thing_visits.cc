@@ -8,6 +8,11 @@
 namespace mapp {
 namespace {
 
+struct PointCounts {
+  size_t num_seen = 0, num_missed = 0;
+  double num_judged() const { return static_cast<double>(num_seen + num_missed); }
+};
+
 /// Sums over a session's views.
 struct Looked {
   SessionId session;
@@ -30,21 +35,16 @@ struct Looked {
   }
 };
 
-/// Sessions that have judged enough of the thing's points.
-std::vector<SessionId> SessionsToAsk(std::span<const PointHistory* const> histories, const ThingVisitOptions& options) {
-  std::map<SessionId, size_t> num_judged;
+/// How many of the thing's points each session saw and missed.
+std::map<SessionId, PointCounts> CountPoints(std::span<const PointHistory* const> histories) {
+  std::map<SessionId, PointCounts> counts;
   for (const PointHistory* history : histories) {
     for (const PointHistory::Visit& visit : history->visits) {
-      num_judged[visit.session] += visit.seen() || visit.missed() ? 1 : 0;
+      counts[visit.session].num_seen += visit.seen() ? 1 : 0;
+      counts[visit.session].num_missed += visit.missed() ? 1 : 0;
     }
   }
-  const double least = std::max(static_cast<double>(options.min_judged_points),
-                                options.min_judged_share * static_cast<double>(histories.size()));
-  std::vector<SessionId> sessions;
-  for (const auto& [session, num] : num_judged) {
-    if (static_cast<double>(num) >= least) sessions.push_back(session);
-  }
-  return sessions;
+  return counts;
 }
 
 StatusOr<Looked> Look(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views) {
@@ -80,9 +80,11 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
   std::vector<Looked> looked;
   double greatest_density = 0;
   const auto least = static_cast<double>(options.min_judged_points);
-  for (const SessionId session : SessionsToAsk(histories, options)) {
+  const std::map<SessionId, PointCounts> counts = CountPoints(histories);
+  const double least_judged = std::max(least, options.min_judged_share * static_cast<double>(histories.size()));
+  for (const auto& [session, of_points] : counts) {
     const auto opened = opened_ns.find(session);
-    if (opened == opened_ns.end()) continue;
+    if (opened == opened_ns.end() || of_points.num_judged() < least_judged) continue;
     MAPP_ASSIGN_OR_RETURN(Looked one, Look(points, session, maker, options.max_views));
     one.time_ns = opened->second;
     if (one.num_hits >= least) greatest_density = std::max(greatest_density, one.num_hits / one.area);
@@ -95,7 +97,12 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
     const double missed = std::max({0.0, one.num_passed, expected - one.num_hits});
     const double share =
         options.independent_views / std::max(options.independent_views, static_cast<double>(one.num_views));
-    const PresenceEvidence evidence{one.time_ns, share * one.num_hits, share * missed};
+    PresenceEvidence evidence{one.time_ns, share * one.num_hits, share * missed};
+    const PointCounts& of_points = counts.at(one.session);
+    if (of_points.num_judged() >= 0.2 * static_cast<double>(histories.size()) && of_points.num_judged() >= 8) {
+      evidence.num_seen = 0.25 * static_cast<double>(of_points.num_seen);
+      evidence.num_missed = 0.25 * static_cast<double>(of_points.num_missed);
+    }
     if (evidence.num_seen + evidence.num_missed >= least) visits.push_back({one.session, evidence, one.num_that_saw});
     if (std::getenv("DEBUG_THINGS"))
       fmt::print(stderr, " {}:{:.0f}/{:.0f}({})", one.session.value(), evidence.num_seen, evidence.num_missed,

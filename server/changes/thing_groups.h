@@ -1,0 +1,36 @@
+#pragma once
+
+#include "server/changes/point_history.h"
+
+#include <Eigen/Core>
+
+#include <span>
+#include <vector>
+
+namespace mapp {
+
+/// Whether two points may be of one thing: some session found both gone, and hardly any found only one of them there.
+bool TellTheSame(const PointCourse& a, const PointCourse& b);
+
+/// A thing that came or went: points near to each other with one history.
+struct ChangedThing {
+  std::vector<size_t> points;  ///< indices of courses, ascending
+  /// Things of one number hung together until they were split at necks.
+  size_t group = 0;
+};
+
+struct GroupingOptions {
+  float gap_m = 0.5F;     ///< points of one thing have a neighbour within it
+  size_t min_points = 8;  ///< fewer are noise
+};
+
+/// Parts that a thing falls into, seen from above, when what is sparse between them is left out: things that stand side
+/// by side, with a few stray points between. `p_map` has a place for each of the thing's points; indices are into it.
+std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3f& up_map);
+
+/// Groups points that are linked over gaps of at most gap_m and tell the same (single linkage). `p_map` has a place for
+/// each course.
+std::vector<ChangedThing> GroupThings(std::span<const PointCourse> courses, std::span<const Eigen::Vector3f> p_map,
+                                      const Eigen::Vector3f& up_map, const GroupingOptions& options);
+
+}  // namespace mapp
