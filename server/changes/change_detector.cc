@@ -1,5 +1,6 @@
 #include "server/changes/change_detector.h"
 
+#include "server/changes/place_check.h"
 #include "server/changes/thing_groups.h"
 #include "server/changes/thing_visits.h"
 #include "server/changes/upright_box.h"
@@ -122,7 +123,10 @@ std::vector<Part> JoinParts(std::vector<Part> parts, double max_gap_m) {
   return parts;
 }
 
-ChangeRecord Finish(Part part, const Eigen::Vector3d& up_map, const DerivationOptions& options) {
+/// The change with its box and points. nullopt: most of what the map has at the place stayed there, so that the thing
+/// is a part of a surface that views do not agree on.
+StatusOr<std::optional<ChangeRecord>> Finish(Part part, const Eigen::Vector3d& up_map, const PlaceCheck& places,
+                                             const DerivationOptions& options) {
   std::vector<Eigen::Vector3f> positions;
   std::vector<MapPointId> ids;
   std::ranges::sort(part.points, {}, &PartPoint::id);
@@ -133,10 +137,22 @@ ChangeRecord Finish(Part part, const Eigen::Vector3d& up_map, const DerivationOp
     view_map += point.direction.cast<double>() / static_cast<double>(part.points.size());
   }
   ChangeRecord change = std::move(part.change);
-  const bool vanished = change.kind == ChangeKind::kVanished;
-  (vanished ? change.box_before : change.box_after) =
-      WithHiddenPart(UprightBox(positions, up_map, options.stray_share, options.min_side_m), view_map);
-  (vanished ? change.points_before : change.points_after) = std::move(ids);
+  const OrientedBox seen_box = UprightBox(positions, up_map, options.stray_share, options.min_side_m);
+  MAPP_ASSIGN_OR_RETURN(const PlaceCount of_seen,
+                        places.Count(seen_box, options.place_margin_m, change.after_ns, change.before_ns));
+  const auto num_stayed = static_cast<double>(of_seen.num_stayed);
+  if (num_stayed > options.max_stayed_share * (num_stayed + static_cast<double>(ids.size()))) return std::nullopt;
+  const OrientedBox box = WithHiddenPart(seen_box, view_map);
+  if (change.kind != ChangeKind::kVanished) {
+    change.box_after = box;
+    change.points_after = std::move(ids);
+    return change;
+  }
+  change.box_before = box;
+  // What else was there has gone with it, though no view has looked through it since.
+  MAPP_ASSIGN_OR_RETURN(const PlaceCount of_all,
+                        places.Count(box, options.place_margin_m, change.after_ns, change.before_ns));
+  std::ranges::set_union(ids, of_all.untold, std::back_inserter(change.points_before));
   return change;
 }
 
@@ -195,8 +211,10 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
     });
   }
   std::vector<ChangeRecord> changes;
+  const PlaceCheck places(maker, findings, opened_ns);
   for (Part& part : JoinParts(std::move(parts), options.max_part_gap_m)) {
-    changes.push_back(Finish(std::move(part), up_map, options));
+    MAPP_ASSIGN_OR_RETURN(std::optional<ChangeRecord> change, Finish(std::move(part), up_map, places, options));
+    if (change) changes.push_back(*std::move(change));
   }
   std::ranges::stable_sort(changes, {}, &ChangeRecord::before_ns);
   return changes;

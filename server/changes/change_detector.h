@@ -29,6 +29,9 @@ struct DerivationOptions {
   double min_side_m = 0.05;
   /// Parts of one thing that changed alike lie no further apart than this.
   double max_part_gap_m = 0.3;
+  /// Around a thing's box, where the map's other points are asked; what stays there is at most this share of all.
+  double place_margin_m = 0.05;
+  double max_stayed_share = 0.4;
   /// Sessions opened in [from, to] tell, Unix time.
   int64_t from_ns = std::numeric_limits<int64_t>::min();
   int64_t to_ns = std::numeric_limits<int64_t>::max();

@@ -67,6 +67,9 @@ class FindingsMaker {
   StatusOr<std::vector<std::shared_ptr<const WitnessView>>> ViewsInto(SessionId session, const Aabb& box_map,
                                                                       size_t max_views);
 
+  /// The map's points in tiles that meet the box.
+  StatusOr<std::vector<PointTiles::Points>> PointsIn(const Aabb& box_map) { return tiles_.InBox(box_map); }
+
  private:
   struct Session {
     SessionRecord record;

@@ -100,8 +100,11 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
     PresenceEvidence evidence{one.time_ns, share * one.num_hits, share * missed};
     const PointCounts& of_points = counts.at(one.session);
     if (of_points.num_judged() >= 0.2 * static_cast<double>(histories.size()) && of_points.num_judged() >= 8) {
-      evidence.num_seen = 0.25 * static_cast<double>(of_points.num_seen);
-      evidence.num_missed = 0.25 * static_cast<double>(of_points.num_missed);
+      const double num_seen = 0.25 * static_cast<double>(of_points.num_seen);
+      const double num_missed = 0.25 * static_cast<double>(of_points.num_missed);
+      if ((num_seen > num_missed) != (evidence.num_seen > evidence.num_missed)) continue;
+      evidence.num_seen = 0.5 * (evidence.num_seen + num_seen);
+      evidence.num_missed = 0.5 * (evidence.num_missed + num_missed);
     }
     if (evidence.num_seen + evidence.num_missed >= least) visits.push_back({one.session, evidence, one.num_that_saw});
     if (std::getenv("DEBUG_THINGS"))

@@ -7,6 +7,12 @@ bool OrientedBox::Contains(const Eigen::Vector3d& p_frame, double margin_m) cons
   return (p_box.cwiseAbs().array() <= size_m.array() / 2 + margin_m).all();
 }
 
+Aabb OrientedBox::BoundingBox(double margin_m) const {
+  const Eigen::Vector3d half_m = size_m / 2 + Eigen::Vector3d::Constant(margin_m);
+  const Eigen::Vector3d reach_m = T_frame_box.RotationMatrix().cwiseAbs() * half_m;
+  return {T_frame_box.translation() - reach_m, T_frame_box.translation() + reach_m};
+}
+
 OrientedBox BoxIn(const Pose3& T_a_b, const Aabb& box_b) {
   return {T_a_b * Pose3(Eigen::Quaterniond::Identity(), box_b.center()), box_b.sizes()};
 }

@@ -12,6 +12,8 @@ struct OrientedBox {
 
   /// Whether the point is inside the box made larger by `margin_m` on every side.
   bool Contains(const Eigen::Vector3d& p_frame, double margin_m = 0) const;
+  /// Around the box made larger likewise, along the frame's axes.
+  Aabb BoundingBox(double margin_m = 0) const;
   double Volume() const { return size_m.prod(); }
 };
 
