@@ -1,7 +1,9 @@
 #pragma once
 
+#include "cli/canvas.h"
 #include "cli/frame_log.h"
 #include "cli/map_info.h"
+#include "cli/top_view.h"
 #include "mapp/base/status.h"
 
 #include <string>
@@ -26,5 +28,11 @@ struct MapImageContent {
 /// stretches on a shared map underlaid, keyframes marked as whole, partial or shared, legend and scale bar.
 /// INVALID_ARGUMENT: a size out of range.
 StatusOr<std::string> DrawMap(const MapImageContent& content, const MapImageOptions& options);
+
+/// INVALID_ARGUMENT: a size out of range.
+Status Validate(const MapImageOptions& options);
+/// The points within `area`, as squares: low ones light, high ones dark and on top.
+void DrawPoints(const std::vector<MapPointSummary>& points, const TopView& view, const TopView::Viewport& area,
+                int size_px, Canvas& canvas);
 
 }  // namespace mapp
