@@ -1,6 +1,7 @@
 // Arguments of `mapp changes`.
 
 #include "cli/change_export.h"
+#include "cli/change_image.h"
 #include "cli/change_text.h"
 #include "cli/changes.h"
 #include "cli/commands.h"
@@ -95,7 +96,7 @@ void AddRenderAndExport(CLI::App& changes, Command& chosen) {
   render_command->add_option("--change", render->change_id, "Only this one, from near, before and after")
       ->type_name("CHANGE");
   render_command->add_flag("--before-after", render->before_after, "Two pictures side by side, around all changes");
-  AddImageSize(*render_command, render->image);
+  AddImageSize(*render_command, kLeastChangesWidthPx, kLeastChangesHeightPx, render->image);
   render_command->footer(
       "Vanished: red. Appeared: green. Moved: from orange to blue. Rejected changes are shown by --change alone.\n"
       "Example: mapp changes render --map garage --out changes.png\n"

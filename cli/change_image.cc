@@ -76,12 +76,10 @@ TopView ViewOfAll(const ChangedMap& map, const Viewport& viewport) {
 TopView ViewAroundChanges(const ChangedMap& map, const Viewport& viewport) {
   const TopView all = ViewOfAll(map, viewport);
   if (map.changes.empty()) return all;
-  // So much that one sees where in the room it is.
-  constexpr double kLeastSurroundingsM = 1;
-  constexpr double kSurroundingsRatio = 0.5;
   Aabb around_map;
   for (const Eigen::Vector3d& corner_map : BoxCorners(map.changes)) around_map.extend(corner_map);
-  const double margin_m = std::max(kLeastSurroundingsM, kSurroundingsRatio * around_map.sizes().maxCoeff());
+  // So much that one sees where in the room it is.
+  const double margin_m = std::clamp(around_map.sizes().maxCoeff() / 2, 1.0, 3.0);
   const OrientedBox surroundings{.T_frame_box = {Eigen::Quaterniond::Identity(), around_map.center()},
                                  .size_m = around_map.sizes() + Eigen::Vector3d::Constant(2 * margin_m)};
   const std::array<Eigen::Vector3d, 8> corners_map = CornersOf(surroundings);
@@ -120,7 +118,7 @@ void DrawBoxes(const std::vector<DrawnBox>& boxes, const TopView& view, const Vi
     places.KeepClear(outlines.back());
   }
   for (size_t i = 0; i < boxes.size(); ++i) {
-    canvas.Polygon(outlines[i], boxes[i].is_there ? 2 : 1, boxes[i].is_there ? boxes[i].color : Tint(boxes[i].color));
+    canvas.Polygon(outlines[i], 2, boxes[i].is_there ? boxes[i].color : Tint(boxes[i].color));
   }
   for (size_t i = 0; i < boxes.size(); ++i) {
     const std::string text = fmt::format("#{}", boxes[i].change_id);
@@ -176,7 +174,7 @@ void DrawChangeLegend(const ChangedMap& map, bool before_after, double pixels_pe
       legend.Note(fmt::format("and {} more", map.changes.size() - i));
       break;
     }
-    legend.Entry(fmt::format("#{} {} {:.2f}, {}", change.id, NameOf(kWorldChangeKinds, change.kind), change.confidence,
+    legend.Entry(fmt::format("#{} {} {:.2f} {}", change.id, NameOf(kWorldChangeKinds, change.kind), change.confidence,
                              NameOf(kWorldChangeStatuses, change.status)),
                  square(LegendColor(change)));
   }
@@ -193,7 +191,7 @@ void DrawFrame(const Viewport& area, Canvas& canvas) {
 }  // namespace
 
 StatusOr<std::string> DrawChanges(const ChangedMap& map, const MapImageOptions& options) {
-  MAPP_RETURN_IF_ERROR(Validate(options));
+  MAPP_RETURN_IF_ERROR(Validate(options, kLeastChangesWidthPx, kLeastChangesHeightPx));
   const Viewport area{kLegendMarginPx, kLegendMarginPx, options.width_px - kLegendWidthPx - 2 * kLegendMarginPx,
                       options.height_px - 2 * kLegendMarginPx};
   const TopView view = ViewOfAll(map, area);
@@ -206,8 +204,8 @@ StatusOr<std::string> DrawChanges(const ChangedMap& map, const MapImageOptions& 
 }
 
 StatusOr<std::string> DrawBeforeAndAfter(const ChangedMap& map, const MapImageOptions& options) {
-  MAPP_RETURN_IF_ERROR(Validate(options));
-  const int width_px = std::max(1, (options.width_px - kLegendWidthPx - 3 * kLegendMarginPx) / 2);
+  MAPP_RETURN_IF_ERROR(Validate(options, kLeastChangesWidthPx, kLeastChangesHeightPx));
+  const int width_px = (options.width_px - kLegendWidthPx - 3 * kLegendMarginPx) / 2;
   const int height_px = options.height_px - 2 * kLegendMarginPx - kCaptionPx;
   const Viewport before{kLegendMarginPx, kLegendMarginPx + kCaptionPx, width_px, height_px};
   const Viewport after{2 * kLegendMarginPx + width_px, before.top_px, width_px, height_px};

@@ -8,6 +8,10 @@
 
 namespace mapp {
 
+/// With less room the legend would not fit, nor two pictures beside it.
+inline constexpr int kLeastChangesWidthPx = 800;
+inline constexpr int kLeastChangesHeightPx = 500;
+
 /// A PNG of the map from above, as DrawMap sees it, with its changes: points in grey, those of what vanished, appeared
 /// or moved in the changes' colors, boxes as turned outlines with the change's id, arrows along what moved, legend and
 /// scale bar. INVALID_ARGUMENT: a size out of range.

@@ -41,7 +41,7 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen);
 void AddServer(CLI::App& command, std::string& server);
 void AddJson(CLI::App& command, bool& json);
 void AddAt(CLI::App& command, std::string& at);
-void AddImageSize(CLI::App& command, MapImageOptions& image);
+void AddImageSize(CLI::App& command, int least_width_px, int least_height_px, MapImageOptions& image);
 /// `mapp maps log`, `diff` and `tag`.
 void AddMapHistory(CLI::App& maps, Command& chosen);
 /// `mapp maps export` and `import`.

@@ -1,5 +1,6 @@
 #include "cli/label_places.h"
 
+#include <algorithm>
 #include <array>
 #include <limits>
 
@@ -32,14 +33,19 @@ double LabelPlaces::CoveredPx(const Rectangle& label) const {
 Eigen::Vector2d LabelPlaces::Take(const std::vector<Eigen::Vector2d>& outline_px, const Eigen::Vector2d& size_px) {
   constexpr double kGapPx = 5;
   const Rectangle bounds = BoundsOf(outline_px);
-  const Eigen::Vector2d center = bounds.center() - size_px / 2;
+  const auto along = [](int axis) {
+    return [axis](const Eigen::Vector2d& a, const Eigen::Vector2d& b) { return a[axis] < b[axis]; };
+  };
+  const auto [leftmost, rightmost] = std::minmax_element(outline_px.begin(), outline_px.end(), along(0));
+  const auto [highest, lowest] = std::minmax_element(outline_px.begin(), outline_px.end(), along(1));
+  const Eigen::Vector2d half = size_px / 2;
   const Eigen::Vector2d before = bounds.min() - size_px - Eigen::Vector2d::Constant(kGapPx);
   const Eigen::Vector2d after = bounds.max() + Eigen::Vector2d::Constant(kGapPx);
-  // Top left corners, the best first.
-  const std::array<Eigen::Vector2d, 8> corners = {{{after.x(), bounds.min().y()},
-                                                   {before.x(), bounds.min().y()},
-                                                   {center.x(), before.y()},
-                                                   {center.x(), after.y()},
+  // Top left corners of the label, the best first: beside the outermost corners, then off the outline's bounds.
+  const std::array<Eigen::Vector2d, 8> corners = {{{after.x(), rightmost->y() - half.y()},
+                                                   {before.x(), leftmost->y() - half.y()},
+                                                   {highest->x() - half.x(), before.y()},
+                                                   {lowest->x() - half.x(), after.y()},
                                                    {after.x(), before.y()},
                                                    {before.x(), before.y()},
                                                    {after.x(), after.y()},

@@ -106,15 +106,14 @@ void DrawLegend(const MapImageContent& content, const std::vector<SessionTrack>&
 
 }  // namespace
 
-Status Validate(const MapImageOptions& options) {
-  constexpr int kMaxSizePx = 16384;
-  if (options.width_px < 400 || options.width_px > kMaxSizePx) {
-    return absl::InvalidArgumentError(fmt::format("width_px: must be in [400, 16384], got {}", options.width_px));
-  }
-  if (options.height_px < 300 || options.height_px > kMaxSizePx) {
-    return absl::InvalidArgumentError(fmt::format("height_px: must be in [300, 16384], got {}", options.height_px));
-  }
-  return absl::OkStatus();
+Status Validate(const MapImageOptions& options, int least_width_px, int least_height_px) {
+  const auto check = [](const char* name, int size_px, int least_px) -> Status {
+    if (size_px >= least_px && size_px <= kLargestImagePx) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        fmt::format("{}: must be in [{}, {}], got {}", name, least_px, kLargestImagePx, size_px));
+  };
+  MAPP_RETURN_IF_ERROR(check("width_px", options.width_px, least_width_px));
+  return check("height_px", options.height_px, least_height_px);
 }
 
 void DrawPoints(const std::vector<MapPointSummary>& points, const TopView& view, const TopView::Viewport& area,
@@ -134,7 +133,7 @@ void DrawPoints(const std::vector<MapPointSummary>& points, const TopView& view,
 }
 
 StatusOr<std::string> DrawMap(const MapImageContent& content, const MapImageOptions& options) {
-  MAPP_RETURN_IF_ERROR(Validate(options));
+  MAPP_RETURN_IF_ERROR(Validate(options, kLeastMapWidthPx, kLeastMapHeightPx));
   const std::vector<SessionTrack> tracks = MakeTracks(content.map.frames, content.logs, content.sessions);
   const TopView view = MakeView(content, tracks, options);
   Canvas canvas(options.width_px, options.height_px);

@@ -45,7 +45,7 @@ ChangeSummary MakeChange(uint64_t id, ChangeKind kind, ChangeStatus status, doub
   return change;
 }
 
-v1::OrientedBox ToProto(const OrientedBox& box_map) {
+v1::OrientedBox ToWire(const OrientedBox& box_map) {
   v1::OrientedBox proto;
   *proto.mutable_pose() = ToProto(box_map.T_frame_box);
   proto.set_size_x_m(box_map.size_m.x());
@@ -54,7 +54,7 @@ v1::OrientedBox ToProto(const OrientedBox& box_map) {
   return proto;
 }
 
-v1::Change ToProto(const ChangeSummary& change) {
+v1::Change ToWire(const ChangeSummary& change) {
   v1::Change proto;
   proto.set_id(change.id);
   proto.set_kind(static_cast<v1::ChangeKind>(change.kind));
@@ -65,8 +65,8 @@ v1::Change ToProto(const ChangeSummary& change) {
   proto.set_first_seen_unix_ns(change.first_seen_unix_ns);
   proto.set_last_seen_unix_ns(change.last_seen_unix_ns);
   for (const uint64_t id : change.session_ids) proto.add_session_ids(static_cast<uint32_t>(id));
-  if (change.box_map_before) *proto.mutable_box_before() = ToProto(*change.box_map_before);
-  if (change.box_map_after) *proto.mutable_box_after() = ToProto(*change.box_map_after);
+  if (change.box_map_before) *proto.mutable_box_before() = ToWire(*change.box_map_before);
+  if (change.box_map_after) *proto.mutable_box_after() = ToWire(*change.box_map_after);
   proto.mutable_points_before()->Add(change.points_before.begin(), change.points_before.end());
   proto.mutable_points_after()->Add(change.points_after.begin(), change.points_after.end());
   proto.set_detected_revision(change.detected_revision);
@@ -74,7 +74,7 @@ v1::Change ToProto(const ChangeSummary& change) {
   return proto;
 }
 
-v1::ExportMapResponse ToProto(const MapContent& content) {
+v1::ExportMapResponse ToWire(const MapContent& content) {
   v1::ExportMapResponse proto;
   proto.mutable_map()->set_name(content.map.name);
   proto.mutable_map()->set_revision(content.map.revision);
@@ -154,9 +154,9 @@ ChangedMap ChangeScene::ToChangedMap() const {
 
 std::unique_ptr<FakeAdminService> ChangeScene::Serve() const {
   auto service = std::make_unique<FakeAdminService>();
-  service->now = ToProto(now);
-  service->at["40"] = ToProto(then);
-  for (const ChangeSummary& change : changes) service->changes.push_back(ToProto(change));
+  service->now = ToWire(now);
+  service->at["40"] = ToWire(then);
+  for (const ChangeSummary& change : changes) service->changes.push_back(ToWire(change));
   return service;
 }
 
