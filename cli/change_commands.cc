@@ -80,7 +80,10 @@ void AddListAndShow(CLI::App& changes, Command& chosen) {
   AddServer(*show_command, show->server);
   AddJson(*show_command, show->json);
   AddMap(*show_command, show->map_name);
-  show_command->add_option("id", show->id, "Number of the change")->required()->type_name("CHANGE");
+  show_command->add_option("id", show->id, "Number of the change")
+      ->required()
+      ->check(CLI::PositiveNumber)
+      ->type_name("CHANGE");
   show_command->footer("Example: mapp changes show --map garage 12");
   show_command->callback([show, &chosen] { chosen = [show] { return RunChangesShow(*show, std::cout); }; });
 }
@@ -94,6 +97,7 @@ void AddRenderAndExport(CLI::App& changes, Command& chosen) {
   AddMap(*render_command, render->map_name);
   AddOutFile(*render_command, render->out_file, CheckPngName, "The PNG, - for standard output");
   render_command->add_option("--change", render->change_id, "Only this one, from near, before and after")
+      ->check(CLI::PositiveNumber)
       ->type_name("CHANGE");
   render_command->add_flag("--before-after", render->before_after, "Two pictures side by side, around all changes");
   AddImageSize(*render_command, kLeastChangesWidthPx, kLeastChangesHeightPx, render->image);
@@ -128,6 +132,7 @@ void AddDecision(CLI::App& changes, ChangeDecision decision, const std::string& 
   AddMap(*command, options->map_name);
   command->add_option("ids", options->ids, "Numbers of the changes: all of them or none")
       ->required()
+      ->check(CLI::PositiveNumber)
       ->type_name("CHANGE");
   command->footer(footer);
   command->callback([options, &chosen] { chosen = [options] { return RunChangesDecide(*options, std::cout); }; });

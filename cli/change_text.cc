@@ -90,8 +90,8 @@ std::string FormatChangeTable(const std::vector<ChangeSummary>& changes) {
                    {"confidence", Align::kRight},
                    {"where (m)"},
                    {"size (m)"},
-                   {"after (UTC)"},
-                   {"before (UTC)"},
+                   {"happened after (UTC)"},
+                   {"and before"},
                    {"points", Align::kRight},
                    {"sessions"}});
   for (const ChangeSummary& change : changes) {
@@ -109,8 +109,8 @@ std::string FormatChange(const ChangeSummary& change) {
   table.AddRow({"kind", NameOf(kWorldChangeKinds, change.kind)});
   table.AddRow({"status", NameOf(kWorldChangeStatuses, change.status)});
   table.AddRow({"confidence", fmt::format("{:.3f}", change.confidence)});
-  table.AddRow({"after (UTC)", FormatUnixTime(change.after_unix_ns)});
-  table.AddRow({"before (UTC)", FormatUnixTime(change.before_unix_ns)});
+  table.AddRow({"happened after (UTC)", FormatUnixTime(change.after_unix_ns)});
+  table.AddRow({"and before (UTC)", FormatUnixTime(change.before_unix_ns)});
   table.AddRow({"first seen (UTC)", FormatUnixTime(change.first_seen_unix_ns)});
   table.AddRow({"last seen (UTC)", FormatUnixTime(change.last_seen_unix_ns)});
   table.AddRow({"sessions", fmt::format("{}", fmt::join(change.session_ids, " "))});

@@ -28,7 +28,7 @@ TEST(ChangeTextTest, TableHasALineAChange) {
   EXPECT_THAT(lines[0], StartsWith("id  kind      status    confidence  where (m)"));
   EXPECT_THAT(lines[1],
               AllOf(StartsWith(" 1  vanished  proposed        0.97  2.00 -0.40 2.00 "), HasSubstr("0.90 x 0.80 x 0.60"),
-                    HasSubstr("2026-11-23 08:00:00  2026-11-23 11:00:00"), testing::EndsWith("60  1 2 5")));
+                    HasSubstr("2026-11-23 08:00:00   2026-11-23 11:00:00"), testing::EndsWith("60  1 2 5")));
   EXPECT_THAT(lines[3], AllOf(StartsWith(" 3  moved     proposed        0.91  1.50 -0.50 4.60 -> 4.20 -0.50 3.20  "),
                               HasSubstr("40 -> 40")));
   EXPECT_THAT(lines[4], StartsWith("12  vanished  accepted"));
@@ -50,7 +50,7 @@ TEST(ChangeTextTest, ShowsEverythingOfOne) {
                           HasSubstr("last seen (UTC)"), HasSubstr("centre before (m)"), HasSubstr("centre after (m)")));
   EXPECT_THAT(text, AllOf(HasSubstr("4.20 -0.50 3.20\n"), HasSubstr("0.8192 0.0000 0.5736 0.0000\n"),
                           HasSubstr("points before (40)"), HasSubstr("5201 5202 5203"), HasSubstr("5340\n")));
-  EXPECT_THAT(text, HasSubstr("applied at revision                  -\n")) << text;
+  EXPECT_THAT(text, HasSubstr("applied at revision        -\n"));
   EXPECT_THAT(FormatChange(ChangeScene().changes[0]), Not(HasSubstr("centre after")));
 }
 

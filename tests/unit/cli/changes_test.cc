@@ -118,7 +118,8 @@ TEST_F(ChangesCommandTest, ListFilters) {
     out_.str("");
     EXPECT_TRUE(RunChangesList(options, out_).ok());
     std::vector<int> found;
-    for (const Json& change : Printed()["changes"]) found.push_back(change["id"]);
+    const Json printed = Printed();
+    for (const Json& change : printed["changes"]) found.push_back(change["id"]);
     return found;
   };
   EXPECT_THAT(ids(), ElementsAre(1, 2, 3, 12, 13));
