@@ -26,6 +26,12 @@ void AddTime(CLI::App& command, const char* name, int64_t& unix_ns, const std::s
   command.add_option_function<std::string>(name, set, help)->check(CLI::Validator(check, ""))->type_name("TIME");
 }
 
+/// Also of what would be taken for a number by wrapping around.
+std::string ComplaintOfChangeId(const std::string& text) {
+  const bool is_number = !text.empty() && text != "0" && text.find_first_not_of("0123456789") == std::string::npos;
+  return is_number ? std::string() : fmt::format("{} is no change: give its number, as mapp changes list has it", text);
+}
+
 /// `check`: what is wrong with a file's name.
 void AddOutFile(CLI::App& command, std::string& file, Status (*check)(const std::string&), const std::string& help) {
   const auto complain = [check](const std::string& name) { return std::string(check(name).message()); };
@@ -38,8 +44,8 @@ void AddDetect(CLI::App& changes, Command& chosen) {
   AddServer(*command, options->server);
   AddJson(*command, options->json);
   AddMap(*command, options->order.map_name);
-  AddTime(*command, "--from", options->order.from_unix_ns, "Only sessions opened from then on tell; since ever");
-  AddTime(*command, "--to", options->order.to_unix_ns, "Only sessions opened until then tell; until now");
+  AddTime(*command, "--from", options->order.from_unix_ns, "Only what sessions tell that were opened from then on");
+  AddTime(*command, "--to", options->order.to_unix_ns, "Only what sessions tell that were opened until then");
   const auto check = [](const std::string& text) -> std::string {
     double confidence = 0;
     if (CLI::detail::lexical_cast(text, confidence) && confidence > 0 && confidence <= 1) return {};
@@ -82,7 +88,7 @@ void AddListAndShow(CLI::App& changes, Command& chosen) {
   AddMap(*show_command, show->map_name);
   show_command->add_option("id", show->id, "Number of the change")
       ->required()
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Validator(ComplaintOfChangeId, ""))
       ->type_name("CHANGE");
   show_command->footer("Example: mapp changes show --map garage 12");
   show_command->callback([show, &chosen] { chosen = [show] { return RunChangesShow(*show, std::cout); }; });
@@ -97,7 +103,7 @@ void AddRenderAndExport(CLI::App& changes, Command& chosen) {
   AddMap(*render_command, render->map_name);
   AddOutFile(*render_command, render->out_file, CheckPngName, "The PNG, - for standard output");
   render_command->add_option("--change", render->change_id, "Only this one, from near, before and after")
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Validator(ComplaintOfChangeId, ""))
       ->type_name("CHANGE");
   render_command->add_flag("--before-after", render->before_after, "Two pictures side by side, around all changes");
   AddImageSize(*render_command, kLeastChangesWidthPx, kLeastChangesHeightPx, render->image);
@@ -132,7 +138,7 @@ void AddDecision(CLI::App& changes, ChangeDecision decision, const std::string& 
   AddMap(*command, options->map_name);
   command->add_option("ids", options->ids, "Numbers of the changes: all of them or none")
       ->required()
-      ->check(CLI::PositiveNumber)
+      ->check(CLI::Validator(ComplaintOfChangeId, ""))
       ->type_name("CHANGE");
   command->footer(footer);
   command->callback([options, &chosen] { chosen = [options] { return RunChangesDecide(*options, std::cout); }; });

@@ -79,7 +79,7 @@ TopView ViewAroundChanges(const ChangedMap& map, const Viewport& viewport) {
   Aabb around_map;
   for (const Eigen::Vector3d& corner_map : BoxCorners(map.changes)) around_map.extend(corner_map);
   // So much that one sees where in the room it is.
-  const double margin_m = std::clamp(around_map.sizes().maxCoeff() / 2, 1.0, 3.0);
+  const double margin_m = std::clamp(around_map.sizes().maxCoeff() / 2, 1.0, 2.0);
   const OrientedBox surroundings{.T_frame_box = {Eigen::Quaterniond::Identity(), around_map.center()},
                                  .size_m = around_map.sizes() + Eigen::Vector3d::Constant(2 * margin_m)};
   const std::array<Eigen::Vector3d, 8> corners_map = CornersOf(surroundings);

@@ -115,7 +115,8 @@ TEST(CommandsTest, ChangesSayWhatIsWrongWithWhatIsTyped) {
               HasSubstr("--out: a.gif: the name must end in .png"));
   EXPECT_THAT(Complaint("mapp changes export --map m --out a.csv"), HasSubstr(".json, .geojson or .ply"));
   EXPECT_NE(Complaint("mapp changes accept --map m"), "") << "no ids";
-  EXPECT_NE(Complaint("mapp changes accept --map m -1"), "");
+  EXPECT_THAT(Complaint("mapp changes accept --map m -1"), HasSubstr("-1 is no change: give its number"));
+  EXPECT_THAT(Complaint("mapp changes undo --map m 3 0"), HasSubstr("0 is no change"));
   EXPECT_NE(Complaint("mapp changes undo 3"), "") << "no map";
   EXPECT_EQ(Complaint("mapp changes reject 3 4 --map m"), "");
 }
