@@ -53,7 +53,7 @@ void AddDetect(CLI::App& changes, Command& chosen) {
   };
   command
       ->add_option("--auto-accept", options->order.auto_accept,
-                   "Accept new changes that are at least this sure at once, above 0, up to 1")
+                   "Accept at once what is proposed and at least this sure, above 0, up to 1")
       ->check(CLI::Validator(check, ""))
       ->type_name("CONFIDENCE");
   command->footer(

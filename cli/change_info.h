@@ -34,7 +34,7 @@ struct ChangeDetectionOrder {
   std::string map_name;
   int64_t from_unix_ns = 0;  ///< sessions opened from then on tell; 0: since ever
   int64_t to_unix_ns = 0;    ///< and until then; 0: now
-  double auto_accept = 0;    ///< new changes at least this sure are accepted at once, in (0, 1]; 0: none
+  double auto_accept = 0;    ///< what is proposed and at least this sure is accepted at once, in (0, 1]; 0: nothing
 };
 
 /// How far a detection is.
