@@ -26,15 +26,17 @@ StatusOr<MapFrameSummary> ToSummary(const v1::ExportedFrame& exported) {
 }
 
 MapPointSummary ToSummary(const v1::ExportedPoint& exported) {
-  return {ToVector(exported.position_map()), exported.num_observations(), exported.confidence(), exported.session_id()};
+  return {ToVector(exported.position_map()), exported.num_observations(), exported.confidence(), exported.session_id(),
+          exported.id()};
 }
 
-/// REVISION_CAUSE_LOOP is "loop".
+/// REVISION_CAUSE_CHANGE_UNDONE is "change undone".
 std::string NameOf(v1::RevisionCause cause) {
   if (!v1::RevisionCause_IsValid(cause) || cause == v1::REVISION_CAUSE_UNSPECIFIED) return "unknown";
   constexpr std::string_view kPrefix = "REVISION_CAUSE_";
   std::string name = v1::RevisionCause_Name(cause).substr(kPrefix.size());
-  std::ranges::transform(name, name.begin(), [](unsigned char c) { return static_cast<char>(std::tolower(c)); });
+  std::ranges::transform(name, name.begin(),
+                         [](unsigned char c) { return c == '_' ? ' ' : static_cast<char>(std::tolower(c)); });
   return name;
 }
 

@@ -2,6 +2,7 @@
 
 #include "bundle/bundle_reader.h"
 #include "bundle/bundle_writer.h"
+#include "cli/change_info.h"
 #include "cli/map_info.h"
 #include "mapp/base/status.h"
 #include "storage/sqlite/backup.h"
@@ -68,6 +69,17 @@ class AdminClient {
   StatusOr<ImportSummary> ImportBundle(const std::string& name, const ByteSource& bundle, uint64_t num_bytes,
                                        const std::function<void(const BundleImportStep&)>& on_progress,
                                        const std::stop_token& stop);
+  /// Has the server look through a map's history for changes of the world. Tells `on_progress` how far the server is.
+  /// CANCELLED on a stop request; what was done is kept.
+  StatusOr<ChangeDetectionSummary> DetectChanges(const ChangeDetectionOrder& order,
+                                                 const std::function<void(const ChangeDetectionStep&)>& on_progress,
+                                                 const std::stop_token& stop);
+  /// By id.
+  StatusOr<std::vector<ChangeSummary>> ListChanges(const std::string& name);
+  /// All of these changes or none, here and below.
+  StatusOr<ChangeDecisionSummary> AcceptChanges(const std::string& name, const std::vector<uint64_t>& ids);
+  StatusOr<ChangeDecisionSummary> RejectChanges(const std::string& name, const std::vector<uint64_t>& ids);
+  StatusOr<ChangeDecisionSummary> UndoChanges(const std::string& name, const std::vector<uint64_t>& ids);
 
  private:
   struct Impl;

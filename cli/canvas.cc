@@ -14,6 +14,7 @@ namespace {
 
 /// Positions go to OpenCV with this many fractional bits.
 constexpr int kShift = 4;
+constexpr int kFont = cv::FONT_HERSHEY_SIMPLEX;
 
 cv::Scalar ToScalar(Color color) { return {double(color.blue), double(color.green), double(color.red)}; }
 
@@ -22,6 +23,17 @@ cv::Point ToFixedPoint(const Eigen::Vector2d& pixel) {
   constexpr double kFarPx = 1e6;
   const Eigen::Vector2d clamped = pixel.cwiseMax(-kFarPx).cwiseMin(kFarPx) * (1 << kShift);
   return {static_cast<int>(std::lround(clamped.x())), static_cast<int>(std::lround(clamped.y()))};
+}
+
+/// The font knows no other characters.
+std::string ToAscii(const std::string& text) {
+  std::string ascii;
+  for (const char c : text) {
+    const auto byte = static_cast<uint8_t>(c);
+    const bool continues_character = (byte & 0xC0) == 0x80;
+    if (!continues_character) ascii += byte < 0x80 ? c : '?';
+  }
+  return ascii;
 }
 
 }  // namespace
@@ -63,6 +75,23 @@ void Canvas::Diamond(const Eigen::Vector2d& center, int radius_px, Color fill) {
   cv::polylines(impl_->bgr, corners, /*isClosed=*/true, ToScalar(kWhite), 1, cv::LINE_AA, kShift);
 }
 
+void Canvas::Polygon(const std::vector<Eigen::Vector2d>& corners, int thickness_px, Color color) {
+  std::vector<cv::Point> points;
+  for (const Eigen::Vector2d& corner : corners) points.push_back(ToFixedPoint(corner));
+  cv::polylines(impl_->bgr, points, /*isClosed=*/true, ToScalar(color), thickness_px, cv::LINE_AA, kShift);
+}
+
+void Canvas::Arrow(const Eigen::Vector2d& from, const Eigen::Vector2d& to, int thickness_px, Color color) {
+  const Eigen::Vector2d along = to - from;
+  if (along.norm() < 1) return;
+  const double head_px = std::min(12.0, along.norm() / 2);
+  const Eigen::Vector2d back = -along.normalized() * head_px;
+  const Eigen::Vector2d aside = 0.5 * Eigen::Vector2d(-back.y(), back.x());
+  Line(from, to, thickness_px, color);
+  Line(to, to + back + aside, thickness_px, color);
+  Line(to, to + back - aside, thickness_px, color);
+}
+
 void Canvas::FillSquare(const Eigen::Vector2d& center, int size_px, Color color) {
   const Eigen::Vector2d corner = center - Eigen::Vector2d::Constant((size_px - 1) / 2.0);
   if (corner.minCoeff() < 0 || corner.x() > impl_->bgr.cols || corner.y() > impl_->bgr.rows) return;
@@ -74,15 +103,14 @@ void Canvas::FillRectangle(int left_px, int top_px, int width_px, int height_px,
 }
 
 void Canvas::Text(const Eigen::Vector2d& left_baseline, const std::string& text, double scale, Color color) {
-  std::string ascii;
-  for (const char c : text) {
-    const auto byte = static_cast<uint8_t>(c);
-    const bool continues_character = (byte & 0xC0) == 0x80;
-    if (!continues_character) ascii += byte < 0x80 ? c : '?';
-  }
   const cv::Point origin(static_cast<int>(std::lround(left_baseline.x())),
                          static_cast<int>(std::lround(left_baseline.y())));
-  cv::putText(impl_->bgr, ascii, origin, cv::FONT_HERSHEY_SIMPLEX, scale, ToScalar(color), 1, cv::LINE_AA);
+  cv::putText(impl_->bgr, ToAscii(text), origin, kFont, scale, ToScalar(color), 1, cv::LINE_AA);
+}
+
+Eigen::Vector2d Canvas::TextSize(const std::string& text, double scale) {
+  const cv::Size size = cv::getTextSize(ToAscii(text), kFont, scale, /*thickness=*/1, /*baseLine=*/nullptr);
+  return {size.width, size.height};
 }
 
 StatusOr<std::string> Canvas::EncodePng() const {

@@ -7,6 +7,7 @@
 #include <cstdint>
 #include <memory>
 #include <string>
+#include <vector>
 
 namespace mapp {
 
@@ -30,10 +31,15 @@ class Canvas {
   void Circle(const Eigen::Vector2d& center, int radius_px, int thickness_px, Color color);
   void Disc(const Eigen::Vector2d& center, int radius_px, Color fill, Color edge);
   void Diamond(const Eigen::Vector2d& center, int radius_px, Color fill);
+  /// The outline through the corners and back to the first.
+  void Polygon(const std::vector<Eigen::Vector2d>& corners, int thickness_px, Color color);
+  void Arrow(const Eigen::Vector2d& from, const Eigen::Vector2d& to, int thickness_px, Color color);
   void FillSquare(const Eigen::Vector2d& center, int size_px, Color color);
   void FillRectangle(int left_px, int top_px, int width_px, int height_px, Color color);
   /// `left_baseline`: where the text begins. Characters beyond ASCII are shown as '?'.
   void Text(const Eigen::Vector2d& left_baseline, const std::string& text, double scale, Color color);
+  /// Width and height of the text above its baseline, pixels.
+  static Eigen::Vector2d TextSize(const std::string& text, double scale);
 
   StatusOr<std::string> EncodePng() const;
 

@@ -12,6 +12,7 @@ void AddCommands(CLI::App& app, const std::string& command_line, Command& chosen
   AddSessions(app, chosen);
   AddExport(app, chosen);
   AddRender(app, chosen);
+  AddChanges(app, chosen);
   AddServerInfo(app, chosen);
   AddBackup(app, chosen);
   AddRestore(app, chosen);

@@ -2,6 +2,7 @@
 
 #include "cli/admin_client.h"
 #include "datasets/sequence.h"
+#include "mapp/base/check.h"
 #include "text/file_io.h"
 #include "text/json_writer.h"
 
@@ -21,16 +22,22 @@ void AppendLittleEndian(T value, std::string& bytes) {
   for (size_t i = 0; i < sizeof(bits); ++i, bits >>= 8) bytes += static_cast<char>(bits & 0xFF);
 }
 
-void AppendPointBinary(const MapPointSummary& point, std::string& bytes) {
+void AppendPointBinary(const MapPointSummary& point, const Color* color, std::string& bytes) {
   for (const double coordinate : point.p_map) AppendLittleEndian(static_cast<float>(coordinate), bytes);
   AppendLittleEndian(point.num_observations, bytes);
   AppendLittleEndian(point.confidence, bytes);
   AppendLittleEndian(static_cast<uint32_t>(point.session_id), bytes);
+  if (color == nullptr) return;
+  for (const uint8_t channel : {color->red, color->green, color->blue}) bytes += static_cast<char>(channel);
 }
 
-void AppendPointAscii(const MapPointSummary& point, std::string& text) {
-  fmt::format_to(std::back_inserter(text), "{:.5f} {:.5f} {:.5f} {} {:.4f} {}\n", point.p_map.x(), point.p_map.y(),
+void AppendPointAscii(const MapPointSummary& point, const Color* color, std::string& text) {
+  fmt::format_to(std::back_inserter(text), "{:.5f} {:.5f} {:.5f} {} {:.4f} {}", point.p_map.x(), point.p_map.y(),
                  point.p_map.z(), point.num_observations, point.confidence, point.session_id);
+  if (color != nullptr) {
+    fmt::format_to(std::back_inserter(text), " {} {} {}", color->red, color->green, color->blue);
+  }
+  text += '\n';
 }
 
 StatusOr<std::vector<std::string>> WriteTrajectories(const std::string& folder, const MapContent& content) {
@@ -68,18 +75,21 @@ void Report(const ExportOptions& options, const MapContent& content, const std::
 
 }  // namespace
 
-std::string FormatPly(const MapContent& content, PlyEncoding encoding) {
+std::string FormatPly(const MapContent& content, PlyEncoding encoding, std::span<const Color> colors) {
+  MAPP_CHECK(colors.empty() || colors.size() == content.points.size());
   const bool ascii = encoding == PlyEncoding::kAscii;
   std::string ply = fmt::format(
       "ply\nformat {} 1.0\ncomment map points, frame map, metres\nelement vertex {}\n"
       "property float x\nproperty float y\nproperty float z\n"
-      "property uint observations\nproperty float confidence\nproperty uint session\nend_header\n",
-      ascii ? "ascii" : "binary_little_endian", content.points.size());
-  for (const MapPointSummary& point : content.points) {
+      "property uint observations\nproperty float confidence\nproperty uint session\n{}end_header\n",
+      ascii ? "ascii" : "binary_little_endian", content.points.size(),
+      colors.empty() ? "" : "property uchar red\nproperty uchar green\nproperty uchar blue\n");
+  for (size_t i = 0; i < content.points.size(); ++i) {
+    const Color* const color = colors.empty() ? nullptr : &colors[i];
     if (ascii) {
-      AppendPointAscii(point, ply);
+      AppendPointAscii(content.points[i], color, ply);
     } else {
-      AppendPointBinary(point, ply);
+      AppendPointBinary(content.points[i], color, ply);
     }
   }
   return ply;

@@ -1,9 +1,11 @@
 #pragma once
 
+#include "cli/canvas.h"
 #include "cli/map_info.h"
 #include "mapp/base/status.h"
 
 #include <ostream>
+#include <span>
 #include <string>
 
 namespace mapp {
@@ -27,7 +29,8 @@ struct ExportOptions {
 /// `mapp export`: what the map holds, in its own frame. NOT_FOUND: no such map.
 Status RunExport(const ExportOptions& options, std::ostream& out);
 
-/// Points in the map's frame with `x y z` (metres), `observations`, `confidence` and `session` for each.
-std::string FormatPly(const MapContent& content, PlyEncoding encoding);
+/// Points in the map's frame with `x y z` (metres), `observations`, `confidence` and `session` for each, and `red green
+/// blue` where there are `colors`: one a point, or none.
+std::string FormatPly(const MapContent& content, PlyEncoding encoding, std::span<const Color> colors = {});
 
 }  // namespace mapp

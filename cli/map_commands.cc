@@ -24,6 +24,17 @@ void AddAt(CLI::App& command, std::string& at) {
   command.add_option("--at", at, "As it was at this revision or tag, instead of now")->type_name("REVISION");
 }
 
+void AddImageSize(CLI::App& command, int least_width_px, int least_height_px, MapImageOptions& image) {
+  const auto add = [&](const char* name, const char* what, int least_px, int& size_px) {
+    command
+        .add_option(name, size_px, fmt::format("{} of the picture, pixels, {} to {}", what, least_px, kLargestImagePx))
+        ->check(CLI::Range(least_px, kLargestImagePx))
+        ->capture_default_str();
+  };
+  add("--width", "Width", least_width_px, image.width_px);
+  add("--height", "Height", least_height_px, image.height_px);
+}
+
 void AddMaps(CLI::App& app, Command& chosen) {
   CLI::App* maps =
       app.add_subcommand("maps",
@@ -170,12 +181,7 @@ void AddRender(CLI::App& app, Command& chosen) {
   command->add_option("--out", options->out_file, "The PNG")->required()->type_name("FILE");
   command->add_option("--frames", options->frame_files, "Frame logs that mapp replay wrote with --frames-out")
       ->type_name("FILE");
-  command->add_option("--width", options->image.width_px, "Width of the picture, pixels, 400 to 16384")
-      ->check(CLI::Range(400, 16384))
-      ->capture_default_str();
-  command->add_option("--height", options->image.height_px, "Height of the picture, pixels, 300 to 16384")
-      ->check(CLI::Range(300, 16384))
-      ->capture_default_str();
+  AddImageSize(*command, kLeastMapWidthPx, kLeastMapHeightPx, options->image);
   command->footer("Example: mapp render --map garage --out garage.png --width 1600");
   command->callback([options, &chosen] { chosen = [options] { return RunRender(*options, std::cout); }; });
 }

@@ -13,17 +13,6 @@
 namespace mapp {
 namespace {
 
-Status Validate(const MapImageOptions& options) {
-  constexpr int kMaxSizePx = 16384;
-  if (options.width_px < 400 || options.width_px > kMaxSizePx) {
-    return absl::InvalidArgumentError(fmt::format("width_px: must be in [400, 16384], got {}", options.width_px));
-  }
-  if (options.height_px < 300 || options.height_px > kMaxSizePx) {
-    return absl::InvalidArgumentError(fmt::format("height_px: must be in [300, 16384], got {}", options.height_px));
-  }
-  return absl::OkStatus();
-}
-
 TopView MakeView(const MapImageContent& content, const std::vector<SessionTrack>& tracks,
                  const MapImageOptions& options) {
   std::vector<Pose3> cameras;
@@ -36,21 +25,6 @@ TopView MakeView(const MapImageContent& content, const std::vector<SessionTrack>
   return TopView(cameras, points,
                  {kLegendMarginPx, kLegendMarginPx, options.width_px - kLegendWidthPx - 2 * kLegendMarginPx,
                   options.height_px - 2 * kLegendMarginPx});
-}
-
-/// Low points light, high points dark; the higher ones on top.
-void DrawPoints(const std::vector<MapPointSummary>& points, const TopView& view, Canvas& canvas) {
-  if (points.empty()) return;
-  std::vector<double> heights;
-  for (const MapPointSummary& point : points) heights.push_back(view.Height(point.p_map));
-  std::vector<size_t> order(points.size());
-  std::iota(order.begin(), order.end(), 0);
-  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return heights[a] < heights[b]; });
-  for (size_t rank = 0; rank < order.size(); ++rank) {
-    // By rank, not by height: a few stray points must not take the whole range of shades.
-    const auto shade = static_cast<uint8_t>(215 - 120 * rank / order.size());
-    canvas.FillSquare(view.ToPixel(points[order[rank]].p_map), 2, {shade, shade, shade});
-  }
 }
 
 /// Calls `draw(from, to, from_px, to_px)` for each stretch between frames that follow each other.
@@ -132,12 +106,38 @@ void DrawLegend(const MapImageContent& content, const std::vector<SessionTrack>&
 
 }  // namespace
 
+Status Validate(const MapImageOptions& options, int least_width_px, int least_height_px) {
+  const auto check = [](const char* name, int size_px, int least_px) -> Status {
+    if (size_px >= least_px && size_px <= kLargestImagePx) return absl::OkStatus();
+    return absl::InvalidArgumentError(
+        fmt::format("{}: must be in [{}, {}], got {}", name, least_px, kLargestImagePx, size_px));
+  };
+  MAPP_RETURN_IF_ERROR(check("width_px", options.width_px, least_width_px));
+  return check("height_px", options.height_px, least_height_px);
+}
+
+void DrawPoints(const std::vector<MapPointSummary>& points, const TopView& view, const TopView::Viewport& area,
+                int size_px, Canvas& canvas) {
+  if (points.empty()) return;
+  std::vector<double> heights;
+  for (const MapPointSummary& point : points) heights.push_back(view.Height(point.p_map));
+  std::vector<size_t> order(points.size());
+  std::iota(order.begin(), order.end(), 0);
+  std::sort(order.begin(), order.end(), [&](size_t a, size_t b) { return heights[a] < heights[b]; });
+  for (size_t rank = 0; rank < order.size(); ++rank) {
+    // By rank, not by height: a few stray points must not take the whole range of shades.
+    const auto shade = static_cast<uint8_t>(215 - 120 * rank / order.size());
+    const Eigen::Vector2d pixel = view.ToPixel(points[order[rank]].p_map);
+    if (area.Contains(pixel)) canvas.FillSquare(pixel, size_px, {shade, shade, shade});
+  }
+}
+
 StatusOr<std::string> DrawMap(const MapImageContent& content, const MapImageOptions& options) {
-  MAPP_RETURN_IF_ERROR(Validate(options));
+  MAPP_RETURN_IF_ERROR(Validate(options, kLeastMapWidthPx, kLeastMapHeightPx));
   const std::vector<SessionTrack> tracks = MakeTracks(content.map.frames, content.logs, content.sessions);
   const TopView view = MakeView(content, tracks, options);
   Canvas canvas(options.width_px, options.height_px);
-  DrawPoints(content.map.points, view, canvas);
+  DrawPoints(content.map.points, view, {0, 0, options.width_px, options.height_px}, 2, canvas);
   for (size_t i = 0; i < tracks.size(); ++i) DrawPath(tracks[i], TrackColor(i), view, canvas);
   for (size_t i = 0; i < tracks.size(); ++i) DrawTrack(tracks[i], TrackColor(i), view, canvas);
 

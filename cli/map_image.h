@@ -1,7 +1,9 @@
 #pragma once
 
+#include "cli/canvas.h"
 #include "cli/frame_log.h"
 #include "cli/map_info.h"
+#include "cli/top_view.h"
 #include "mapp/base/status.h"
 
 #include <string>
@@ -9,9 +11,13 @@
 
 namespace mapp {
 
+inline constexpr int kLargestImagePx = 16384;
+inline constexpr int kLeastMapWidthPx = 400;
+inline constexpr int kLeastMapHeightPx = 300;
+
 struct MapImageOptions {
-  int width_px = 1600;   ///< range [400, 16384], legend included
-  int height_px = 1000;  ///< range [300, 16384]
+  int width_px = 1600;   ///< legend included; range [least width of the picture, kLargestImagePx]
+  int height_px = 1000;  ///< as the width
 };
 
 /// What a picture of a map shows.
@@ -26,5 +32,11 @@ struct MapImageContent {
 /// stretches on a shared map underlaid, keyframes marked as whole, partial or shared, legend and scale bar.
 /// INVALID_ARGUMENT: a size out of range.
 StatusOr<std::string> DrawMap(const MapImageContent& content, const MapImageOptions& options);
+
+/// INVALID_ARGUMENT: larger than MapImageOptions says, or smaller than this.
+Status Validate(const MapImageOptions& options, int least_width_px, int least_height_px);
+/// The points within `area`, as squares: low ones light, high ones dark and on top.
+void DrawPoints(const std::vector<MapPointSummary>& points, const TopView& view, const TopView::Viewport& area,
+                int size_px, Canvas& canvas);
 
 }  // namespace mapp

@@ -83,7 +83,7 @@ struct RevisionRunSummary {
   uint64_t first = 0, last = 0;
   uint64_t num_revisions = 0;
   int64_t first_unix_ns = 0, last_unix_ns = 0;
-  std::string cause;        ///< "keyframe", "loop", ...
+  std::string cause;        ///< "keyframe", "change undone", ...
   uint64_t session_id = 0;  ///< 0: of none alone
   std::string device;
 };
@@ -183,6 +183,7 @@ struct MapPointSummary {
   uint32_t num_observations = 0;
   float confidence = 0;
   uint64_t session_id = 0;  ///< that brought it
+  uint64_t id = 0;
 };
 
 struct MapContent {

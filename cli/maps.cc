@@ -2,6 +2,7 @@
 
 #include "cli/admin_client.h"
 #include "cli/confirm.h"
+#include "cli/geometry_json.h"
 #include "cli/progress_bar.h"
 #include "cli/text_table.h"
 #include "text/json_writer.h"
@@ -25,10 +26,6 @@ void AppendFields(const MapSummary& map, JsonWriter& json) {
     json.Null();
   }
   json.Field("scale_unknown", map.scale_unknown);
-}
-
-void AppendPoint(const Eigen::Vector3d& p, const char* key, JsonWriter& json) {
-  json.Key(key).BeginArray().Value(p.x()).Value(p.y()).Value(p.z()).EndArray();
 }
 
 std::string FormatJson(const std::vector<MapSummary>& maps) {

@@ -2,6 +2,7 @@
 
 #include "cli/admin_client.h"
 #include "cli/confirm.h"
+#include "cli/geometry_json.h"
 #include "cli/text_table.h"
 #include "text/json_writer.h"
 
@@ -13,18 +14,6 @@
 
 namespace mapp {
 namespace {
-
-void AppendPose(const std::optional<Pose3>& pose, const char* key, JsonWriter& json) {
-  json.Key(key);
-  if (!pose) {
-    json.Null();
-    return;
-  }
-  const Eigen::Vector3d& t = pose->translation();
-  const Eigen::Quaterniond& q = pose->rotation();
-  json.BeginObject().Field("tx_m", t.x()).Field("ty_m", t.y()).Field("tz_m", t.z());
-  json.Field("qw", q.w()).Field("qx", q.x()).Field("qy", q.y()).Field("qz", q.z()).EndObject();
-}
 
 void AppendQuarantine(const std::optional<QuarantineSummary>& quarantine, JsonWriter& json) {
   json.Key("quarantine");

@@ -101,9 +101,20 @@ TopView::TopView(const std::vector<Pose3>& T_map_cameras, const std::vector<Eige
   right_ = viewport.width_px >= viewport.height_px ? longest : Eigen::Vector3d(longest.cross(up_));
   // Right, down and the viewing direction (-up) are right-handed, so that the view is not mirrored.
   down_ = right_.cross(up_);
+  Fit(cameras_map, points_map, viewport);
+}
 
-  const Interval across = RobustInterval(Along(right_, cameras_map), Along(right_, points_map));
-  const Interval along = RobustInterval(Along(down_, cameras_map), Along(down_, points_map));
+TopView TopView::FittedTo(const std::vector<Eigen::Vector3d>& always_map,
+                          const std::vector<Eigen::Vector3d>& mostly_map, const Viewport& viewport) const {
+  TopView view = *this;
+  view.Fit(always_map, mostly_map, viewport);
+  return view;
+}
+
+void TopView::Fit(const std::vector<Eigen::Vector3d>& always_map, const std::vector<Eigen::Vector3d>& mostly_map,
+                  const Viewport& viewport) {
+  const Interval across = RobustInterval(Along(right_, always_map), Along(right_, mostly_map));
+  const Interval along = RobustInterval(Along(down_, always_map), Along(down_, mostly_map));
   center_m_ = {across.center(), along.center()};
   center_px_ = {viewport.left_px + viewport.width_px / 2.0, viewport.top_px + viewport.height_px / 2.0};
   pixels_per_m_ =

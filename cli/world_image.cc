@@ -1,6 +1,7 @@
 #include "cli/world_image.h"
 
 #include "cli/canvas.h"
+#include "cli/change_colors.h"
 #include "cli/legend.h"
 #include "sim/world/world.h"
 
@@ -18,9 +19,6 @@ constexpr int kWidthPx = 1600;
 constexpr int kHeightPx = 1000;
 constexpr Color kWall{90, 90, 90};
 constexpr Color kObject{150, 160, 175};
-constexpr Color kVanished{200, 30, 30};
-constexpr Color kAppeared{20, 140, 40};
-constexpr Color kMoved{220, 130, 0};
 
 /// World to picture; the longer side of the world lies along the picture's.
 class Plan {
@@ -95,11 +93,11 @@ void DrawObjects(const sim::World& world, const Plan& plan, Canvas& canvas) {
     const sim::WorldObject& object = *objects.at(change.object_id);
     const std::optional<Pose3>& before = change.T_world_object_before;
     const std::optional<Pose3>& after = change.T_world_object_after;
-    if (before && !after) DrawBox(object, *before, plan, kVanished, canvas);
-    if (after && !before) DrawBox(object, *after, plan, kAppeared, canvas);
+    if (before && !after) DrawBox(object, *before, plan, kVanishedColor, canvas);
+    if (after && !before) DrawBox(object, *after, plan, kAppearedColor, canvas);
     if (before && after) {
-      DrawBox(object, *after, plan, kMoved, canvas);
-      canvas.Line(plan.ToPixel(before->translation()), plan.ToPixel(after->translation()), 1, kMoved);
+      DrawBox(object, *after, plan, kMovedFromColor, canvas);
+      canvas.Line(plan.ToPixel(before->translation()), plan.ToPixel(after->translation()), 1, kMovedFromColor);
     }
   }
 }
@@ -128,9 +126,9 @@ void DrawLegend(const sim::Simulation& simulation, const Plan& plan, Canvas& can
     return [&canvas, color](const Eigen::Vector2d& pixel) { canvas.FillSquare(pixel, 12, color); };
   };
   legend.Entry("object that may change", square(kObject));
-  legend.Entry("vanishes", square(kVanished));
-  legend.Entry("appears", square(kAppeared));
-  legend.Entry("is moved here", square(kMoved));
+  legend.Entry("vanishes", square(kVanishedColor));
+  legend.Entry("appears", square(kAppearedColor));
+  legend.Entry("is moved here", square(kMovedFromColor));
   legend.Gap();
   for (const sim::Visit& visit : simulation.visits) {
     constexpr int kLowestPx = kHeightPx - 130;

@@ -96,6 +96,31 @@ TEST(CommandsTest, HelpEndsWithAnExampleThatParses) {
   EXPECT_NE(Complaint("mapp maps list --fast"), "");
 }
 
+TEST(CommandsTest, ChangesSayWhatIsWrongWithWhatIsTyped) {
+  using ::testing::AllOf;
+  using ::testing::HasSubstr;
+  EXPECT_THAT(
+      Complaint("mapp changes detect --map m --from yesterday"),
+      AllOf(HasSubstr("--from: yesterday is no time"), HasSubstr("2026-11-23T15:00:00Z"), HasSubstr("Unix seconds")));
+  EXPECT_THAT(Complaint("mapp changes detect --map m --to 1970-01-01"), HasSubstr("--to: 1970-01-01 is out of range"));
+  for (const std::string confidence : {"0", "1.1", "-0.5", "nan", "sure"}) {
+    EXPECT_THAT(Complaint("mapp changes detect --map m --auto-accept=" + confidence),
+                HasSubstr(confidence + " is no confidence"));
+  }
+  EXPECT_EQ(Complaint("mapp changes detect --map m --auto-accept 1 --to 1795446000"), "");
+  EXPECT_THAT(Complaint("mapp changes list --map m --kind stolen"),
+              HasSubstr("--kind: stolen is not one of appeared, vanished, moved"));
+  EXPECT_THAT(Complaint("mapp changes list --map m --status new"), HasSubstr("one of proposed, accepted, rejected"));
+  EXPECT_THAT(Complaint("mapp changes render --map m --out a.gif"),
+              HasSubstr("--out: a.gif: the name must end in .png"));
+  EXPECT_THAT(Complaint("mapp changes export --map m --out a.csv"), HasSubstr(".json, .geojson or .ply"));
+  EXPECT_NE(Complaint("mapp changes accept --map m"), "") << "no ids";
+  EXPECT_THAT(Complaint("mapp changes accept --map m -1"), HasSubstr("-1 is no change: give its number"));
+  EXPECT_THAT(Complaint("mapp changes undo --map m 3 0"), HasSubstr("0 is no change"));
+  EXPECT_NE(Complaint("mapp changes undo 3"), "") << "no map";
+  EXPECT_EQ(Complaint("mapp changes reject 3 4 --map m"), "");
+}
+
 TEST(CommandsTest, EveryoneGivesJson) {
   CommandLine line;
   for (const Leaf& leaf : LeavesOf(line)) {

@@ -35,6 +35,14 @@ TEST(FormatPlyTest, WritesLittleEndianRecordsOf24Bytes) {
   EXPECT_EQ(body.substr(12, 4), std::string("\x07\x00\x00\x00", 4));
 }
 
+TEST(FormatPlyTest, WritesColors) {
+  const std::vector<Color> colors = {{200, 30, 40}, {1, 2, 3}};
+  const std::string text = FormatPly(TwoPoints(), PlyEncoding::kAscii, colors);
+  EXPECT_THAT(text, HasSubstr("property uchar red\nproperty uchar green\nproperty uchar blue\nend_header\n"));
+  EXPECT_THAT(text, EndsWith(" 7 0.5000 3 200 30 40\n0.00000 0.00000 0.00000 1 1.0000 4 1 2 3\n"));
+  EXPECT_THAT(FormatPly(TwoPoints(), PlyEncoding::kBinary, colors), EndsWith(std::string("\x04\0\0\0\x01\x02\x03", 7)));
+}
+
 TEST(FormatPlyTest, WritesAnEmptyMap) { EXPECT_THAT(FormatPly({}, PlyEncoding::kBinary), EndsWith("end_header\n")); }
 
 }  // namespace

@@ -84,6 +84,19 @@ TEST(TopViewTest, IsNotMirrored) {
   EXPECT_NEAR(right.norm(), view.pixels_per_m(), 1e-9);
 }
 
+TEST(TopViewTest, FitsAnotherStretchLookingTheSameWay) {
+  const TopView view(Cameras(Eigen::Quaterniond::Identity(), kPi, 0), {{-10, 0, -4}, {10, 0, 4}}, {0, 0, 800, 400});
+  const TopView near = view.FittedTo({{3, 0, 1}, {5, 0, 2}}, {}, {500, 50, 200, 100});
+  EXPECT_GT(near.pixels_per_m(), 1.5 * view.pixels_per_m());
+  const TopView::Viewport viewport{500, 50, 200, 100};
+  EXPECT_TRUE(viewport.Contains(near.ToPixel({3, 0, 1})));
+  EXPECT_TRUE(viewport.Contains(near.ToPixel({5, 0, 2})));
+  EXPECT_FALSE(viewport.Contains(near.ToPixel({-3, 0, 1})));
+  const Eigen::Vector2d here = view.ToPixel({1, 0, 1}) - view.ToPixel({0, 0, 0});
+  const Eigen::Vector2d there = near.ToPixel({1, 0, 1}) - near.ToPixel({0, 0, 0});
+  EXPECT_LT((here / view.pixels_per_m() - there / near.pixels_per_m()).norm(), 1e-9);
+}
+
 TEST(TopViewTest, HeightGrowsUpwards) {
   const TopView view(Cameras(Eigen::Quaterniond::Identity(), kPi, 0), {}, {0, 0, 100, 100});
   EXPECT_GT(view.Height({0, -1, 0}), view.Height({0, 1, 0}));
