@@ -138,6 +138,7 @@ StatusOr<std::optional<ChangeRecord>> Finish(Part part, const Eigen::Vector3d& u
   }
   ChangeRecord change = std::move(part.change);
   const OrientedBox seen_box = UprightBox(positions, up_map, options.stray_share, options.min_side_m);
+  if (seen_box.size_m.z() < options.min_height_m) return std::nullopt;
   MAPP_ASSIGN_OR_RETURN(const PlaceCount of_seen,
                         places.Count(seen_box, options.place_margin_m, change.after_ns, change.before_ns));
   const auto num_stayed = static_cast<double>(of_seen.num_stayed);

@@ -23,7 +23,10 @@ Extent ExtentWithoutStrays(std::vector<double>& values, double stray_share) {
   std::nth_element(values.begin(), values.begin() + num_strays, values.end());
   const double min = values[static_cast<size_t>(num_strays)];
   std::nth_element(values.begin(), values.end() - 1 - num_strays, values.end());
-  return {min, *(values.end() - 1 - num_strays)};
+  const double max = *(values.end() - 1 - num_strays);
+  // What lies evenly from end to end has lost twice the share.
+  const double lost = 0.5 * (max - min) * (1 / (1 - 2 * stray_share) - 1);
+  return {min - lost, max + lost};
 }
 
 }  // namespace

@@ -14,7 +14,7 @@ namespace mapp {
 Eigen::Vector3d UpDirection(std::span<const FrameRecord> frames);
 
 /// The smallest box with one axis along `up_map` around the points but for strays: of each direction the share
-/// `stray_share` at either end is left out. Sides are at least `min_side_m` long. Requires points.
+/// `stray_share` at either end is left out (and a side is made longer by what an even spread has lost so). Sides are at least `min_side_m` long. Requires points.
 OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3d& up_map, double stray_share,
                        double min_side_m);
 
