@@ -10,9 +10,9 @@
 namespace mapp {
 namespace {
 
-const Eigen::Vector3f kUp(0, -1, 0);
+const Eigen::Vector3f kUpOfMap(0, -1, 0);
 
-PointCourse Course(const std::string& visits) {
+PointCourse CourseFrom(const std::string& visits) {
   PointCourse course;
   for (size_t i = 0; i < visits.size(); ++i) {
     if (visits[i] != '-') course.visits.push_back({SessionId(i + 1), visits[i] == 's'});
@@ -26,15 +26,15 @@ void AddBlock(float x_m, size_t num, const std::string& visits, Rng& rng, std::v
   for (size_t i = 0; i < num; ++i) {
     p_map.emplace_back(x_m + static_cast<float>(rng.Uniform(0, 1.8)), static_cast<float>(rng.Uniform(-1.5, 0)),
                        static_cast<float>(rng.Uniform(5, 6)));
-    courses.push_back(Course(visits));
+    courses.push_back(CourseFrom(visits));
   }
 }
 
 TEST(ThingGroupsTest, HistoriesTell) {
-  EXPECT_TRUE(TellTheSame(Course("sssmm"), Course("s-smm")));
-  EXPECT_FALSE(TellTheSame(Course("sssmm"), Course("smmmm")));
-  EXPECT_FALSE(TellTheSame(Course("sss--"), Course("sssmm")));  // gone for none of them together
-  EXPECT_FALSE(TellTheSame(Course("mmsss"), Course("sssmm")));
+  EXPECT_TRUE(TellTheSame(CourseFrom("sssmm"), CourseFrom("s-smm")));
+  EXPECT_FALSE(TellTheSame(CourseFrom("sssmm"), CourseFrom("smmmm")));
+  EXPECT_FALSE(TellTheSame(CourseFrom("sss--"), CourseFrom("sssmm")));  // gone for none of them together
+  EXPECT_FALSE(TellTheSame(CourseFrom("mmsss"), CourseFrom("sssmm")));
 }
 
 TEST(ThingGroupsTest, ThingsApartAreThings) {
@@ -44,7 +44,7 @@ TEST(ThingGroupsTest, ThingsApartAreThings) {
   AddBlock(0, 200, "ssmm", rng, courses, p_map);
   AddBlock(4, 100, "ssmm", rng, courses, p_map);
   AddBlock(0, 60, "smmm", rng, courses, p_map);  // another that stood in the first one's place
-  const std::vector<ChangedThing> things = GroupThings(courses, p_map, kUp, {});
+  const std::vector<ChangedThing> things = GroupThings(courses, p_map, kUpOfMap, {});
   std::multiset<size_t> sizes;
   for (const ChangedThing& thing : things) sizes.insert(thing.points.size());
   EXPECT_EQ(sizes, (std::multiset<size_t>{60, 100, 200}));
@@ -57,8 +57,8 @@ TEST(ThingGroupsTest, NeighboursWithStrayPointsBetweenThemAreTwo) {
   AddBlock(0, 400, "ssmm", rng, courses, p_map);
   AddBlock(2.4F, 400, "ssmm", rng, courses, p_map);
   p_map.emplace_back(2.1F, -0.5F, 5.2F);
-  courses.push_back(Course("ssmm"));
-  const std::vector<ChangedThing> things = GroupThings(courses, p_map, kUp, {});
+  courses.push_back(CourseFrom("ssmm"));
+  const std::vector<ChangedThing> things = GroupThings(courses, p_map, kUpOfMap, {});
   ASSERT_EQ(things.size(), 2U);
   EXPECT_EQ(things[0].points.size() + things[1].points.size(), 801U);
   EXPECT_EQ(things[0].group, things[1].group);
@@ -69,8 +69,8 @@ TEST(ThingGroupsTest, FewPointsAreNoThing) {
   std::vector<PointCourse> courses;
   std::vector<Eigen::Vector3f> p_map;
   AddBlock(0, 5, "ssmm", rng, courses, p_map);
-  EXPECT_TRUE(GroupThings(courses, p_map, kUp, {}).empty());
-  EXPECT_TRUE(GroupThings({}, {}, kUp, {}).empty());
+  EXPECT_TRUE(GroupThings(courses, p_map, kUpOfMap, {}).empty());
+  EXPECT_TRUE(GroupThings({}, {}, kUpOfMap, {}).empty());
 }
 
 }  // namespace

@@ -34,8 +34,8 @@ TEST(UprightBoxTest, NoSideIsWithoutLength) {
 
 TEST(UprightBoxTest, UpIsAgainstTheCamerasDownwardAxes) {
   std::vector<FrameRecord> frames(2);
-  frames[0].T_frame_camera = Pose3(Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX())), {});
-  frames[1].T_frame_camera = Pose3(Eigen::Quaterniond(Eigen::AngleAxisd(-0.3, Eigen::Vector3d::UnitX())), {});
+  frames[0].T_frame_camera = Pose3(Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero());
+  frames[1].T_frame_camera = Pose3(Eigen::Quaterniond(Eigen::AngleAxisd(-0.3, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero());
   EXPECT_LT((UpDirection(frames) - kUp).norm(), 1e-9);
   EXPECT_EQ(UpDirection({}), kUp);
 }

@@ -11,10 +11,10 @@
 namespace mapp {
 namespace {
 
-Camera Vga() { return {.projection = PinholeCamera{525, 525, 319.5, 239.5}, .width_px = 640, .height_px = 480}; }
+Camera RasterCamera() { return {.projection = PinholeCamera{525, 525, 319.5, 239.5}, .width_px = 640, .height_px = 480}; }
 
 TEST(DepthRasterTest, KeepsTheNearestOfEachSquare) {
-  const Camera camera = Vga();
+  const Camera camera = RasterCamera();
   DepthRasterizer rasterizer(camera);
   rasterizer.Add({5, 5}, 4);
   rasterizer.Add({20, 20}, 2.5F);
@@ -31,7 +31,7 @@ TEST(DepthRasterTest, KeepsTheNearestOfEachSquare) {
 }
 
 TEST(DepthRasterTest, SquaresCoverTheImage) {
-  const Camera camera = Vga();
+  const Camera camera = RasterCamera();
   for (uint32_t cell = 0; cell < NumRasterCells(camera); ++cell) {
     const Eigen::Vector2d center = RasterCellCenter(camera, cell);
     EXPECT_TRUE(camera.Contains(center));
@@ -41,7 +41,7 @@ TEST(DepthRasterTest, SquaresCoverTheImage) {
 }
 
 TEST(DepthRasterTest, BadRastersAreNamed) {
-  const Camera camera = Vga();
+  const Camera camera = RasterCamera();
   const auto message = [&](std::vector<DepthRaster::Sample> samples) {
     const Status status = Validate(DepthRaster{std::move(samples)}, camera);
     EXPECT_TRUE(absl::IsInvalidArgument(status));
@@ -55,7 +55,7 @@ TEST(DepthRasterTest, BadRastersAreNamed) {
 
 /// Squares without a feature of their own tell where surfaces are; others leave it to the feature.
 TEST(DepthRasterTest, FillsInWhereNoFeatureIsSent) {
-  const Camera camera = Vga();
+  const Camera camera = RasterCamera();
   Keyframe keyframe;
   KeyframeFeature feature;
   feature.keypoint = {5, 5, 0, 0};
