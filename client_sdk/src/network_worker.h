@@ -64,6 +64,10 @@ class NetworkWorker {
 
   /// Asks for the map around a pose and hands it to the adapter. False when the map knows nothing there.
   StatusOr<bool> Share(const Keyframe& view, double overlap, Patience patience);
+  /// Null when there is to be none, or it cannot be opened, which is noted.
+  std::unique_ptr<TileFolder> OpenTileFolder();
+  /// How the device moved lately.
+  Eigen::Vector3d MotionIn(PoseFrame frame) const;
   void LeaveSharedMap();
   /// Algorithm 1, lines 11 to 16: the shared maps have failed; does the world differ from the map?
   void ReportFailure(const FailureJob& job);

@@ -71,6 +71,8 @@ struct TrackingResult {
   bool would_be_keyframe = false;
   double tracking_ms = 0;      ///< this call, extraction included
   double tracking_cpu_ms = 0;  ///< CPU time of the calling thread in this call
+  /// Of these, what making features of the images took: the same wherever the pose comes from.
+  double extraction_cpu_ms = 0;
 };
 
 /// Pose of a frame, as it is now after all corrections to its reference keyframe.
