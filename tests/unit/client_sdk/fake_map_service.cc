@@ -170,6 +170,7 @@ grpc::Status FakeMapService::RequestSharedMap(grpc::ServerContext*, const v1::Re
     if (const grpc::Status status = Next(script_.shared_map_errors); !status.ok()) return status;
     if (!script_.is_own_map) tiles = script_.tiles;
     summary.set_is_own_map(script_.is_own_map);
+    summary.set_num_tiles_over_budget(script_.num_tiles_over_budget);
     if (script_.unchanged_held_beyond)
       summary.add_unchanged_held_tiles(static_cast<uint32_t>(request->held_tiles_size()));
   }

@@ -27,6 +27,7 @@ class FakeMapService final : public v1::MapService::Service {
     bool samples_redundant = false;
     bool is_own_map = false;  ///< then no tile is sent
     std::vector<Tile> tiles;
+    uint32_t num_tiles_over_budget = 0;  ///< as told in the summary
     int64_t map_created_ns = 1000;
     v1::UpdateVerdict verdict = v1::UPDATE_VERDICT_NONE;
     bool optimization_pending = false;
