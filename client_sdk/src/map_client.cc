@@ -261,8 +261,9 @@ StatusOr<ClientUpload> MapClient::UploadKeyframe(const std::string& packet) {
   return upload;
 }
 
-StatusOr<ClientSharedMap> MapClient::RequestSharedMap(SessionId session, const ClientSharedMapRequest& wanted,
-                                                      Patience patience) {
+StatusOr<ClientSharedMap> MapClient::RequestSharedMap(
+    SessionId session, const ClientSharedMapRequest& wanted, Patience patience,
+    const std::function<void(const ClientSharedMap& so_far)>& on_tile) {
   const v1::RequestSharedMapRequest request = ToProto(session, wanted);
   const uint64_t request_bytes = request.ByteSizeLong();
   ClientSharedMap map;
@@ -280,6 +281,7 @@ StatusOr<ClientSharedMap> MapClient::RequestSharedMap(SessionId session, const C
                                          : TakeTile(std::move(*response.mutable_tile()), map);
       if (!malformed.ok()) context.TryCancel();
       if (!map.tiles.empty() && !map.first_tile_after) map.first_tile_after = stopwatch.Elapsed();
+      if (malformed.ok() && !response.has_summary() && on_tile) on_tile(map);
     }
     const Status status = FromGrpcStatus(reader->Finish());
     return malformed.ok() ? status : malformed;

@@ -12,6 +12,8 @@ namespace {
 
 /// Tiles kept in memory: at some 100 KB each a few hundred MB, which is a building.
 constexpr size_t kMaxHeldTiles = 2048;
+/// With so many the tiles that have come are of use before the others are there: over a slow link these take seconds.
+constexpr size_t kMinEarlyPoints = 300;
 /// Between rounds of retries while the server stays away; MapClient has its own pauses within a round.
 constexpr std::chrono::milliseconds kPauseBetweenRounds{500};
 
@@ -200,28 +202,41 @@ StatusOr<std::optional<NetworkWorker::Assessment>> NetworkWorker::Assess(const K
   return Assessment{std::move(count), counting_time};
 }
 
-StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patience patience) {
-  const std::optional<Pose3> T_map_session = progress_.T_map_session();
-  if (!T_map_session) return absl::FailedPreconditionError("the session is not aligned");
-  tiles_->Forget(progress_.TakeChangedTiles());
+ClientSharedMapRequest NetworkWorker::WishFor(const Keyframe& view, double overlap, const Eigen::Vector3d& p_map) {
   // The server does not read the sketch here, and the uniform sampler's form of the view leaves it out.
   const ViewQuery query{.pose_frame = view.pose_frame,
                         .T_frame_camera = view.T_frame_camera,
                         .sampler = SamplerKind::kUniform,
                         .sketch = {}};
+  return {.keyframe = view.number,
+          .view = query,
+          .oversharing = options_.oversharing,
+          .overlap = overlap,
+          .min_seen_by_others = options_.min_seen_by_others,
+          .held_tiles = tiles_->Held(p_map, session_->cone_range_m + options_.look_ahead_m),
+          .max_bytes = options_.max_shared_map_bytes,
+          .look_ahead = {.distance_m = options_.look_ahead_m, .motion = MotionIn(view.pose_frame)}};
+}
+
+StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patience patience) {
+  const std::optional<Pose3> T_map_session = progress_.T_map_session();
+  if (!T_map_session) return absl::FailedPreconditionError("the session is not aligned");
+  tiles_->Forget(progress_.TakeChangedTiles());
   const Pose3 T_map_camera =
       view.pose_frame == PoseFrame::kMap ? view.T_frame_camera : *T_map_session * view.T_frame_camera;
+  const ClientSharedMapRequest request = WishFor(view, overlap, T_map_camera.translation());
   const Stopwatch stopwatch;
-  const ClientSharedMapRequest request{
-      .keyframe = view.number,
-      .view = query,
-      .oversharing = options_.oversharing,
-      .overlap = overlap,
-      .min_seen_by_others = options_.min_seen_by_others,
-      .held_tiles = tiles_->Held(T_map_camera.translation(), session_->cone_range_m + options_.look_ahead_m),
-      .max_bytes = options_.max_shared_map_bytes,
-      .look_ahead = {.distance_m = options_.look_ahead_m, .motion = MotionIn(view.pose_frame)}};
-  MAPP_ASSIGN_OR_RETURN(ClientSharedMap received, client_.RequestSharedMap(session_->id, request, patience));
+  size_t num_early_tiles = 0;
+  const auto use_early = [&](const ClientSharedMap& so_far) {
+    if (num_early_tiles > 0) return;
+    const auto map = tiles_->MapOf(so_far.tiles, *T_map_session, num_shared_maps_ + 1);
+    if (map->points.size() < kMinEarlyPoints) return;
+    num_early_tiles = so_far.tiles.size();
+    ++num_shared_maps_;
+    progress_.OnSharedMap(map->number);
+    adapter_->TakeSharedMap(map);
+  };
+  MAPP_ASSIGN_OR_RETURN(ClientSharedMap received, client_.RequestSharedMap(session_->id, request, patience, use_early));
   progress_.RecordLatency(Step::kSharedMap, stopwatch.Elapsed());
   if (received.first_tile_after) progress_.RecordLatency(Step::kFirstSharedTile, *received.first_tile_after);
   if (received.is_own_map) return false;
@@ -236,10 +251,16 @@ StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patien
     }
     return false;
   }
-  ++num_shared_maps_;
-  // First the state: the tracking thread may report on the map as soon as it has it.
-  progress_.OnSharedMap(map->number);
-  adapter_->TakeSharedMap(map);
+  if (taken.keys.size() != num_early_tiles) {
+    ++num_shared_maps_;
+    // First the state: the tracking thread may report on the map as soon as it has it.
+    if (num_early_tiles == 0) {
+      progress_.OnSharedMap(map->number);
+    } else {
+      progress_.OnSharedMapWhole(map->number);
+    }
+    adapter_->TakeSharedMap(map);
+  }
   // After the device has them: a disk may be slow.
   if (const Status stored = tiles_->StoreNew(); !stored.ok()) NoteError(progress_, stored);
   return true;

@@ -213,6 +213,14 @@ void SessionProgress::OnSharedMap(uint32_t number) {
   changed_.NotifyAll();
 }
 
+void SessionProgress::OnSharedMapWhole(uint32_t number) {
+  MutexLock lock(mutex_);
+  shared_map_number_ = number;
+  failure_in_hand_ = false;
+  failure_.reset();
+  changed_.NotifyAll();
+}
+
 void SessionProgress::OnLeftSharedMap() {
   MutexLock lock(mutex_);
   state_ = ParticipantState::kExpanding;

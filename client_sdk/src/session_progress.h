@@ -73,6 +73,9 @@ class SessionProgress {
   void AddEvidence(Keyframe keyframe, bool localized_on_map);
   void OnUploaded(uint32_t number, const ClientUpload& upload);
   void OnSharedMap(uint32_t number);  ///< the adapter is about to get it
+  /// The map that OnSharedMap told of has come whole, under a number of its own. What failed on part of it is no
+  /// matter.
+  void OnSharedMapWhole(uint32_t number);
   void OnLeftSharedMap();
   /// Tiles that the server has changed since the last call, and the revisions that did it.
   std::map<TileKey, Revision> TakeChangedTiles();

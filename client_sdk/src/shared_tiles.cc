@@ -19,6 +19,18 @@ SharedPoint ToSharedPoint(const TilePoint& point, const Pose3& T_session_map, do
           .num_observations = point.num_observations};
 }
 
+std::shared_ptr<SharedMap> EmptyMap(const Pose3& T_map_session, uint32_t number) {
+  auto map = std::make_shared<SharedMap>();
+  map->T_map_session = T_map_session;
+  map->number = number;
+  return map;
+}
+
+void AddPoints(const Tile& tile, double focal_px, SharedMap& map) {
+  const Pose3 T_session_map = map.T_map_session.Inverse();
+  for (const TilePoint& point : tile.points) map.points.push_back(ToSharedPoint(point, T_session_map, focal_px));
+}
+
 }  // namespace
 
 SharedTiles::SharedTiles(double tile_edge_m, size_t max_tiles, const Camera& camera, std::unique_ptr<TileFolder> folder)
@@ -120,14 +132,15 @@ Status SharedTiles::StoreNew() {
 
 std::shared_ptr<const SharedMap> SharedTiles::MapOf(const std::vector<TileKey>& keys, const Pose3& T_map_session,
                                                     uint32_t number) const {
-  auto map = std::make_shared<SharedMap>();
-  map->T_map_session = T_map_session;
-  map->number = number;
-  const Pose3 T_session_map = T_map_session.Inverse();
-  for (const TileKey& key : keys) {
-    for (const TilePoint& point : std::get<Tile>(tiles_.at(key).content).points)
-      map->points.push_back(ToSharedPoint(point, T_session_map, focal_px_));
-  }
+  auto map = EmptyMap(T_map_session, number);
+  for (const TileKey& key : keys) AddPoints(std::get<Tile>(tiles_.at(key).content), focal_px_, *map);
+  return map;
+}
+
+std::shared_ptr<const SharedMap> SharedTiles::MapOf(const std::vector<ClientTile>& tiles, const Pose3& T_map_session,
+                                                    uint32_t number) const {
+  auto map = EmptyMap(T_map_session, number);
+  for (const ClientTile& tile : tiles) AddPoints(tile.tile, focal_px_, *map);
   return map;
 }
 

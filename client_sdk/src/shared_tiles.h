@@ -43,6 +43,9 @@ class SharedTiles {
   /// All points of the tiles, as the device has them: in the session's frame, with reference distances of its camera.
   std::shared_ptr<const SharedMap> MapOf(const std::vector<TileKey>& keys, const Pose3& T_map_session,
                                          uint32_t number) const;
+  /// Likewise of tiles that have come of an answer which is not whole yet.
+  std::shared_ptr<const SharedMap> MapOf(const std::vector<ClientTile>& tiles, const Pose3& T_map_session,
+                                         uint32_t number) const;
   /// Call it where the device is now and then.
   void DropFarthest(const Eigen::Vector3d& p_map);
 

@@ -24,8 +24,8 @@ struct Policy {
   ParticipantOptions participation;
 };
 
-/// upload_all, depth_sketch, uniform, occupancy, no_injection, random_injection, no_sharing, and, apart by how far shared
-/// maps reach, alpha_1, alpha_1.3, look_ahead_10, look_ahead_20. Programmer's error for another name.
+/// upload_all, depth_sketch, uniform, occupancy, no_injection, random_injection, no_sharing, and, apart by how far
+/// shared maps reach, alpha_1, alpha_1.3, look_ahead_10, look_ahead_20. Programmer's error for another name.
 const Policy& PolicyNamed(const std::string& name);
 
 /// The options of `mapp replay` that give a device these settings.

@@ -64,8 +64,8 @@ struct SharedMapResult {
   uint32_t num_tiles_unchanged = 0;
   uint32_t num_tiles_over_budget = 0;
   uint32_t num_tiles_sent_ahead = 0;  ///< of those sent: outside the cone
-  /// Indices of held tiles: those of num_tiles_unchanged, and those around the view that are not as the map has them and
-  /// were not sent.
+  /// Indices of held tiles: those of num_tiles_unchanged, and those around the view that are not as the map has them
+  /// and were not sent.
   std::vector<uint32_t> unchanged_held = {};
   std::vector<uint32_t> outdated_held = {};
 };

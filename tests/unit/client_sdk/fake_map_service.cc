@@ -188,6 +188,8 @@ grpc::Status FakeMapService::RequestSharedMap(grpc::ServerContext*, const v1::Re
     }
     message.set_tile(bytes);
     writer->Write(message);
+    MutexLock lock(mutex_);
+    while (script_.hold_after_first_tile && !stopping_) changed_.Wait(mutex_);
   }
   for (size_t i = 0; i < is_settled.size() && !summary.is_own_map(); ++i) {
     if (!is_settled[i]) summary.add_outdated_held_tiles(static_cast<uint32_t>(i));

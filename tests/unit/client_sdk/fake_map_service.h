@@ -40,6 +40,7 @@ class FakeMapService final : public v1::MapService::Service {
     std::deque<grpc::StatusCode> query_errors;
     std::deque<grpc::StatusCode> shared_map_errors;
     bool unchanged_held_beyond = false;  ///< answers speak of a held tile that there is none of
+    bool hold_after_first_tile = false;  ///< shared maps wait there until this is false again
     bool hold_shared_maps = false;       ///< requests for them wait until this is false again
   };
 

@@ -100,7 +100,7 @@ struct ClientSharedMap {
   std::vector<uint32_t> outdated_held;   ///< likewise: copies that are not as the map has the tile, which was not sent
   uint32_t num_tiles_over_budget = 0;
   std::optional<std::chrono::nanoseconds> first_tile_after;  ///< since the request was sent, decoded
-  bool is_own_map = false;  ///< empty because of min_seen_by_others
+  bool is_own_map = false;                                   ///< empty because of min_seen_by_others
   uint64_t map_revision = 0;
 };
 /// Where the map has a keyframe now.
@@ -167,8 +167,11 @@ class MapClient {
   StatusOr<OverlapAnswer> AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
                                         size_t num_samples);
   StatusOr<ClientUpload> UploadKeyframe(const std::string& packet);
+  /// `on_tile` is called, on this thread, with what has come so far after each tile: nearest first, each of use by
+  /// itself. Another attempt begins from nothing.
   StatusOr<ClientSharedMap> RequestSharedMap(SessionId session, const ClientSharedMapRequest& wanted,
-                                             Patience patience = Patience::kRetry);
+                                             Patience patience = Patience::kRetry,
+                                             const std::function<void(const ClientSharedMap& so_far)>& on_tile = {});
   StatusOr<ClientUpdateVerdict> ReportUpdate(SessionId session, const std::vector<std::string>& packets,
                                              Patience patience = Patience::kRetry);
   /// Number of keyframes the server holds of the session, and whether an optimisation follows.
