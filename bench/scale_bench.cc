@@ -258,7 +258,7 @@ void ShareAround(MapClient& client, SessionId session, int num_frames, const Ser
     wanted.view = QueryAt(place, num_frames);
     const auto share = [&] {
       const ClientSharedMap shared = ValueOrExit(client.RequestSharedMap(session, wanted), "shared map");
-      for (const auto& tile : shared.tiles) num_bytes += tile.points.size();
+      for (const ClientTile& tile : shared.tiles) num_bytes += tile.tile.points.size();
     };
     first_ms.push_back(MillisecondsOf(share));
     again_ms.push_back(MillisecondsOf(share));

@@ -160,6 +160,7 @@ ReplayReport DescribeRun(const ReplayOptions& options) {
   report.injection = NameOf(kInjectionChoices, options.participation.injection);
   report.sharing = options.participation.sharing;
   report.alpha = options.participation.oversharing;
+  report.look_ahead_m = options.participation.look_ahead_m;
   return report;
 }
 

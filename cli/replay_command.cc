@@ -19,6 +19,14 @@ namespace {
 /// Refuses `sim:` names that stand for nothing, before anything is opened.
 std::string CheckSequence(const std::string& name) { return std::string(CheckSequenceName(name).message()); }
 
+/// Says what is wrong with the text of a budget; empty: nothing.
+std::string CheckBudget(const std::string& text) {
+  constexpr uint64_t kLeast = 65536;
+  uint64_t bytes = 0;
+  if (!CLI::detail::lexical_cast(text, bytes)) return text + ": must be a number of bytes";
+  return bytes == 0 || bytes >= kLeast ? "" : text + ": must be 0 or at least 65536";
+}
+
 constexpr const char* kReplayFooter =
     R"(SEQUENCE is a folder (TUM RGB-D or EuRoC ASL layout), or drawn while it plays:
   sim:room/SESSION, sim:room:SEED/SESSION           the rendered room
@@ -38,7 +46,9 @@ Figures, as in the JSON:
   latency_ms              of each step; tracking on the own map, localization on the
                           shared one
   cpu_s                   device = process - reading, the drawing of rendered frames
-                          being part of reading
+                          being part of reading; extraction, of features from images, is
+                          part of tracking and localization
+  cached_tiles            of shared maps, taken from --tile-cache
   aligned_at_keyframe     0 for the session that founds the map, null if never
   fragments               a device that is lost for long begins a new session, unaligned
                           at first; the figures are of all of them together
@@ -87,6 +97,34 @@ void AddPolicies(CLI::App& command, ParticipantOptions& options) {
       ->check(CLI::Range(1.0, 4.0))
       ->type_name("FACTOR")
       ->capture_default_str();
+  command
+      .add_option("--look-ahead", options.look_ahead_m,
+                  "How far ahead of the view a shared map reaches, straight on and where earlier sessions went on from "
+                  "here, 0 to 100; 0: no farther than the view")
+      ->check(CLI::Range(0.0, 100.0))
+      ->type_name("METERS")
+      ->capture_default_str();
+  command
+      .add_option("--shared-map-budget", options.max_shared_map_bytes,
+                  "Tiles that one shared map may bring, nearest first; 0: no limit, else at least 65536")
+      ->check(CLI::Validator(CheckBudget, ""))
+      ->type_name("BYTES")
+      ->capture_default_str();
+}
+
+void AddTileCache(CLI::App& command, TileCacheOptions& options) {
+  command
+      .add_option(
+          "--tile-cache", options.folder,
+          "Folder that keeps received tiles beyond the session, made when it is not there; devices may share it")
+      ->type_name("FOLDER");
+  // The bounds are those of ParticipantOptions::Validate, in MB of 2^20 bytes.
+  auto megabytes = std::make_shared<uint64_t>(options.max_bytes >> 20);
+  command.add_option("--tile-cache-mb", *megabytes, "Its size at most; tiles used least lately go first")
+      ->check(CLI::Range(uint64_t{1}, uint64_t{1} << 30))
+      ->type_name("MB")
+      ->capture_default_str()
+      ->each([megabytes, &options](const std::string& text) { options.max_bytes = std::stoull(text) << 20; });
 }
 
 }  // namespace
@@ -99,6 +137,7 @@ void AddReplay(CLI::App& app, Command& chosen) {
   command->add_option("--map", options->map_name, "Map to join; made when absent")->required();
   command->add_option("--device", options->device, "Name of the device, for operators")->required();
   AddPolicies(*command, options->participation);
+  AddTileCache(*command, options->participation.tile_cache);
   AddChoice(*command, "--rate", options->rate, kRateChoices,
             "max: as fast as it goes, repeatable; real: at the recorded times");
   AddChoice(*command, "--level", options->level, kLevelChoices,

@@ -45,6 +45,7 @@ void FillFrames(const std::vector<PlayedFrame>& frames, ReplayReport& report) {
     all.Add(Milliseconds(frame.tracking_ms));
     (frame.on_shared_map ? localization : tracking).Add(Milliseconds(frame.tracking_ms));
     (frame.on_shared_map ? report.cpu.localization_s : report.cpu.tracking_s) += 1e-3 * frame.tracking_cpu_ms;
+    report.cpu.extraction_s += 1e-3 * frame.extraction_cpu_ms;
     report.cpu.reading_s += frame.reading_cpu_s;
   }
   report.tracking_ms = all.Summary();
@@ -83,6 +84,7 @@ void FillParticipation(const ReplayDevice& device, ReplayReport& report) {
   report.full_points = full.num_points;
   report.sharing_failures = stats.num_sharing_failures;
   report.update_reports = stats.num_update_reports;
+  report.cached_tiles = stats.num_cached_tiles;
   FillTraffic(stats.traffic, report);
 
   const LocalMappingStats local_mapping = device.local_mapping();

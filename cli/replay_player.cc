@@ -47,6 +47,7 @@ StatusOr<PlayedFrame> PlayFrame(const ReplaySource& source, size_t frame_idx, Re
                      .role = RoleOf(tracking),
                      .tracking_ms = tracking.tracking_ms,
                      .tracking_cpu_ms = tracking.tracking_cpu_ms,
+                     .extraction_cpu_ms = tracking.extraction_cpu_ms,
                      .reading_cpu_s = step.reading_cpu_s};
 }
 

@@ -18,8 +18,9 @@ struct PlayedFrame {
   bool on_shared_map = false;
   FrameRole role = FrameRole::kOrdinary;
   double tracking_ms = 0;
-  double tracking_cpu_ms = 0;  ///< of the tracking thread
-  double reading_cpu_s = 0;    ///< of the process while the frame was read or drawn
+  double tracking_cpu_ms = 0;    ///< of the tracking thread
+  double extraction_cpu_ms = 0;  ///< of these
+  double reading_cpu_s = 0;      ///< of the process while the frame was read or drawn
 };
 
 struct PlayedFrames {

@@ -31,6 +31,7 @@ std::vector<NamedLatency> ByName(const ReplayLatency& latency) {
           {"redundancy_control", latency.participant.redundancy_control},
           {"keyframe_upload", latency.participant.keyframe_upload},
           {"shared_map_request", latency.participant.shared_map},
+          {"first_shared_tile", latency.participant.first_shared_tile},
           {"update_report", latency.participant.update_report},
           {"localization", latency.localization},
           {"tracking", latency.tracking},
@@ -62,6 +63,7 @@ void WriteCpu(const ReplayCpu& cpu, JsonWriter& json) {
   json.Field("process", cpu.process_s).Field("reading", cpu.reading_s);
   json.Field("device", cpu.process_s - cpu.reading_s);
   json.Field("tracking", cpu.tracking_s).Field("localization", cpu.localization_s);
+  json.Field("extraction", cpu.extraction_s);
   json.Field("local_mapping", cpu.local_mapping_s).Field("network", cpu.network_s).EndObject();
 }
 
@@ -109,6 +111,7 @@ std::string FormatJson(const ReplayReport& report) {
   json.Field("sequence", report.sequence).Field("map", report.map).Field("device", report.device);
   json.Field("policy", report.policy).Field("sampler", report.sampler).Field("injection", report.injection);
   json.Field("sharing", report.sharing).Field("alpha", report.alpha);
+  json.Field("look_ahead_m", report.look_ahead_m);
   json.Field("session_id", report.session_id);
   json.Field("interrupted", report.interrupted).Field("optimization_pending", report.optimization_pending);
   json.Field("duration_s", report.duration_s);
@@ -130,7 +133,7 @@ std::string FormatJson(const ReplayReport& report) {
   json.Field("download_bytes", report.download_bytes).Field("shared_map_requests", report.shared_map_requests);
   json.Field("frames_on_shared_map", report.frames_on_shared_map);
   json.Field("sharing_failures", report.sharing_failures).Field("update_reports", report.update_reports);
-  json.Field("retries", report.retries);
+  json.Field("cached_tiles", report.cached_tiles).Field("retries", report.retries);
   json.Key("sharing_started_ns").BeginArray();
   for (const int64_t stamp_ns : report.sharing_started_ns) json.Value(stamp_ns);
   json.EndArray();
@@ -179,6 +182,7 @@ std::string FormatText(const ReplayReport& report) {
   table.AddRow({"response_bytes_mean", Bytes(report.response_bytes_mean)});
   table.AddRow({"download_bytes", std::to_string(report.download_bytes)});
   table.AddRow({"shared_map_requests", std::to_string(report.shared_map_requests)});
+  if (report.cached_tiles > 0) table.AddRow({"cached_tiles", std::to_string(report.cached_tiles)});
   for (const auto& [name, step] : ByName(report.latency)) {
     if (step.count == 0) continue;
     table.AddRow({fmt::format("{}_ms", name), fmt::format("p50 {:.1f}, p95 {:.1f}", step.p50_ms, step.p95_ms)});

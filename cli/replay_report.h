@@ -37,6 +37,7 @@ struct ReplayCpu {
   double reading_s = 0;       ///< reading or drawing the frames; at --rate real also what ran beside it
   double tracking_s = 0;      ///< tracking thread, frames on the device's own map
   double localization_s = 0;  ///< tracking thread, frames on the shared map
+  double extraction_s = 0;    ///< of these two: features of the images
   double local_mapping_s = 0;
   double network_s = 0;
 };
@@ -77,6 +78,7 @@ struct ReplayReport {
   std::string injection;
   bool sharing = true;
   double alpha = 0;
+  double look_ahead_m = 0;
   uint64_t session_id = 0;   ///< the first fragment's
   bool interrupted = false;  ///< ended by a signal before the last frame
   /// The session was closed, but the end of the map's optimization was not heard of in time; poses are as before it.
@@ -109,6 +111,7 @@ struct ReplayReport {
   uint64_t shared_map_requests = 0;
   uint64_t sharing_failures = 0;  ///< localisation failures on a shared map
   uint64_t update_reports = 0;
+  uint64_t cached_tiles = 0;  ///< of shared maps, from --tile-cache instead of the server
   uint64_t retries = 0;
 
   LatencySummary tracking_ms;  ///< all frames

@@ -1,5 +1,7 @@
 #include "mapp/client/device.h"
 
+#include "alignment_in_use.h"
+
 #include <utility>
 
 namespace mapp {
@@ -8,6 +10,7 @@ struct Device::Impl {
   std::unique_ptr<OrbTracker> tracker;
   std::unique_ptr<Participant> participant;  // ends first: it calls the tracker
   KeyframeTotals keyframe_equivalents;
+  AlignmentInUse alignment;
   std::vector<std::vector<TrajectoryPose>> ended_trajectories;
 
   /// Goes on in a new session where the tracker has begun a new fragment.
@@ -62,10 +65,10 @@ StatusOr<DevicePose> Device::Track(const TrackerFrame& frame) {
   impl_->HandOverKeyframes();
   if (pose.tracking.shared_map_number > 0) impl_->ReportSharedMapFrame(pose.tracking);
   if (pose.tracking.would_be_keyframe) impl_->CountKeyframeEquivalent();
-  const std::optional<Sim3> S_map_session = impl_->participant->S_map_session();
-  if (S_map_session && pose.tracking.state == TrackingState::kTracking) {
-    pose.T_map_camera = *S_map_session * pose.tracking.T_session_camera;
-  }
+  if (pose.tracking.state != TrackingState::kTracking) return pose;
+  pose.T_odometry_camera = pose.tracking.T_odometry_session * pose.tracking.T_session_camera;
+  const std::optional<Sim3> S_map_session = impl_->alignment.For(pose.tracking, impl_->participant->S_map_session());
+  if (S_map_session) pose.T_map_camera = *S_map_session * pose.tracking.T_session_camera;
   return pose;
 }
 

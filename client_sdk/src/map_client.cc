@@ -3,6 +3,7 @@
 #include "api/convert/convert.h"
 #include "api/status/grpc_status.h"
 #include "call_control.h"
+#include "mapp/base/latency.h"
 #include "mapp/codec/tile_codec.h"
 #include "mapp/v1/map_service.grpc.pb.h"
 #include "watch_thread.h"
@@ -67,6 +68,56 @@ StatusOr<ClientUpdateVerdict> FromProto(v1::UpdateVerdict verdict) {
     default:
       return absl::InternalError(fmt::format("unknown verdict {}", static_cast<int>(verdict)));
   }
+}
+
+v1::RequestSharedMapRequest ToProto(SessionId session, const ClientSharedMapRequest& wanted) {
+  v1::RequestSharedMapRequest request;
+  request.set_session_id(ToWire(session));
+  request.set_keyframe(wanted.keyframe);
+  request.set_view(EncodeViewQuery(wanted.view));
+  request.set_oversharing(static_cast<float>(wanted.oversharing));
+  request.set_overlap(static_cast<float>(wanted.overlap));
+  request.set_min_seen_by_others(static_cast<float>(wanted.min_seen_by_others));
+  request.set_max_bytes(wanted.max_bytes);
+  for (const ClientHeldTile& held : wanted.held_tiles) {
+    v1::HeldTile& tile = *request.add_held_tiles();
+    tile.set_key(held.key.Packed());
+    tile.set_revision(held.revision.value());
+    tile.set_crc32c(held.crc32c);
+  }
+  if (wanted.look_ahead.distance_m == 0) return request;
+  v1::LookAhead& look_ahead = *request.mutable_look_ahead();
+  look_ahead.set_distance_m(static_cast<float>(wanted.look_ahead.distance_m));
+  look_ahead.set_earlier_ways(wanted.look_ahead.earlier_ways);
+  v1::Point3& motion = *look_ahead.mutable_motion();
+  motion.set_x_m(wanted.look_ahead.motion.x());
+  motion.set_y_m(wanted.look_ahead.motion.y());
+  motion.set_z_m(wanted.look_ahead.motion.z());
+  return request;
+}
+
+StatusOr<std::vector<uint32_t>> HeldIndices(const google::protobuf::RepeatedField<uint32_t>& indices, size_t num_held,
+                                            const char* field) {
+  for (const uint32_t idx : indices) {
+    if (idx >= num_held) return absl::InternalError(fmt::format("summary.{}: {} of {} held", field, idx, num_held));
+  }
+  return std::vector<uint32_t>(indices.begin(), indices.end());
+}
+
+Status TakeSummary(const v1::SharedMapSummary& summary, size_t num_held, ClientSharedMap& map) {
+  map.map_revision = summary.map_revision();
+  map.is_own_map = summary.is_own_map();
+  map.num_tiles_over_budget = summary.num_tiles_over_budget();
+  MAPP_ASSIGN_OR_RETURN(map.unchanged_held,
+                        HeldIndices(summary.unchanged_held_tiles(), num_held, "unchanged_held_tiles"));
+  MAPP_ASSIGN_OR_RETURN(map.outdated_held, HeldIndices(summary.outdated_held_tiles(), num_held, "outdated_held_tiles"));
+  return absl::OkStatus();
+}
+
+Status TakeTile(std::string bytes, ClientSharedMap& map) {
+  MAPP_ASSIGN_OR_RETURN(Tile tile, DecodeTile(bytes));
+  map.tiles.push_back({std::move(tile), std::move(bytes)});
+  return absl::OkStatus();
 }
 
 }  // namespace
@@ -166,7 +217,8 @@ StatusOr<ClientSession> MapClient::OpenSession(const std::string& map_name, cons
                        .map = MapId(response.map_id()),
                        .cone_range_m = response.cone_range_m(),
                        .tile_edge_m = response.tile_edge_m(),
-                       .max_keyframe_bytes = response.max_keyframe_bytes()};
+                       .max_keyframe_bytes = response.max_keyframe_bytes(),
+                       .map_created_ns = response.map_created_unix_ns()};
 }
 
 StatusOr<OverlapAnswer> MapClient::AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
@@ -209,44 +261,27 @@ StatusOr<ClientUpload> MapClient::UploadKeyframe(const std::string& packet) {
   return upload;
 }
 
-StatusOr<ClientSharedMap> MapClient::RequestSharedMap(SessionId session, const ClientSharedMapRequest& wanted,
-                                                      Patience patience) {
-  v1::RequestSharedMapRequest request;
-  request.set_session_id(ToWire(session));
-  request.set_keyframe(wanted.keyframe);
-  request.set_view(EncodeViewQuery(wanted.view));
-  request.set_oversharing(static_cast<float>(wanted.oversharing));
-  request.set_overlap(static_cast<float>(wanted.overlap));
-  request.set_min_seen_by_others(static_cast<float>(wanted.min_seen_by_others));
-  for (const ClientHeldTile& held : wanted.held_tiles) {
-    v1::HeldTile& tile = *request.add_held_tiles();
-    tile.set_key(held.key.Packed());
-    tile.set_revision(held.revision.value());
-  }
+StatusOr<ClientSharedMap> MapClient::RequestSharedMap(
+    SessionId session, const ClientSharedMapRequest& wanted, Patience patience,
+    const std::function<void(const ClientSharedMap& so_far)>& on_tile) {
+  const v1::RequestSharedMapRequest request = ToProto(session, wanted);
   const uint64_t request_bytes = request.ByteSizeLong();
   ClientSharedMap map;
   const auto attempt = [&](grpc::ClientContext& context) -> Status {
     map = {};
     impl_->Count([&](TrafficCounters& counters) { counters.shared_map_request_bytes += request_bytes; });
     Status malformed;
+    const Stopwatch stopwatch;
     const auto reader = impl_->stub->RequestSharedMap(&context, request);
     v1::RequestSharedMapResponse response;
     while (malformed.ok() && reader->Read(&response)) {
       const uint64_t bytes = response.ByteSizeLong();
       impl_->Count([&](TrafficCounters& counters) { counters.download_bytes += bytes; });
-      if (response.has_summary()) {
-        map.num_tiles_unchanged = response.summary().num_tiles_unchanged();
-        map.map_revision = response.summary().map_revision();
-        map.is_own_map = response.summary().is_own_map();
-        continue;
-      }
-      StatusOr<Tile> tile = DecodeTile(response.tile());
-      if (tile.ok()) {
-        map.tiles.push_back(*std::move(tile));
-      } else {
-        malformed = tile.status();
-        context.TryCancel();
-      }
+      malformed = response.has_summary() ? TakeSummary(response.summary(), wanted.held_tiles.size(), map)
+                                         : TakeTile(std::move(*response.mutable_tile()), map);
+      if (!malformed.ok()) context.TryCancel();
+      if (!map.tiles.empty() && !map.first_tile_after) map.first_tile_after = stopwatch.Elapsed();
+      if (malformed.ok() && !response.has_summary() && on_tile) on_tile(map);
     }
     const Status status = FromGrpcStatus(reader->Finish());
     return malformed.ok() ? status : malformed;

@@ -3,7 +3,6 @@
 #include "mapp/base/latency.h"
 #include "mapp/base/process_usage.h"
 #include "mapp/codec/keyframe_codec.h"
-#include "mapp/view/view_cone.h"
 
 #include <string>
 #include <utility>
@@ -13,6 +12,8 @@ namespace {
 
 /// Tiles kept in memory: at some 100 KB each a few hundred MB, which is a building.
 constexpr size_t kMaxHeldTiles = 2048;
+/// With so many the tiles that have come are of use before the others are there: over a slow link these take seconds.
+constexpr size_t kMinEarlyPoints = 300;
 /// Between rounds of retries while the server stays away; MapClient has its own pauses within a round.
 constexpr std::chrono::milliseconds kPauseBetweenRounds{500};
 
@@ -38,12 +39,22 @@ Status NetworkWorker::Open() {
   if (!session_) {
     MAPP_ASSIGN_OR_RETURN(session_, client_.OpenSession(options_.map_name, options_.device, setup_.sensor, camera_,
                                                         options_.features, options_.create_map));
-    tiles_.emplace(session_->tile_edge_m, kMaxHeldTiles, camera_);
+    tiles_.emplace(session_->tile_edge_m, kMaxHeldTiles, camera_, OpenTileFolder());
     rng_ = Rng(session_->id.value());
     progress_.OnOpened(session_->id);
     watch_ = client_.WatchSession(session_->id, [this](const ClientEvent& event) { progress_.OnEvent(event); });
   }
   return progress_.WaitForWatch(std::chrono::steady_clock::now() + setup_.client.call_timeout);
+}
+
+std::unique_ptr<TileFolder> NetworkWorker::OpenTileFolder() {
+  // Without its identity a map cannot be told from another of the same number.
+  if (options_.tile_cache.folder.empty() || session_->map_created_ns == 0) return nullptr;
+  StatusOr<std::unique_ptr<TileFolder>> folder =
+      TileFolder::Open(options_.tile_cache, {session_->map, session_->map_created_ns});
+  if (folder.ok()) return *std::move(folder);
+  NoteError(progress_, folder.status());
+  return nullptr;
 }
 
 bool NetworkWorker::OpenWhenPossible() {
@@ -191,38 +202,74 @@ StatusOr<std::optional<NetworkWorker::Assessment>> NetworkWorker::Assess(const K
   return Assessment{std::move(count), counting_time};
 }
 
-StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patience patience) {
-  const std::optional<Pose3> T_map_session = progress_.T_map_session();
-  if (!T_map_session) return absl::FailedPreconditionError("the session is not aligned");
-  tiles_->Forget(progress_.TakeChangedTiles());
+ClientSharedMapRequest NetworkWorker::WishFor(const Keyframe& view, double overlap, const Eigen::Vector3d& p_map) {
   // The server does not read the sketch here, and the uniform sampler's form of the view leaves it out.
   const ViewQuery query{.pose_frame = view.pose_frame,
                         .T_frame_camera = view.T_frame_camera,
                         .sampler = SamplerKind::kUniform,
                         .sketch = {}};
-  const Stopwatch stopwatch;
-  const ClientSharedMapRequest request{.keyframe = view.number,
-                                       .view = query,
-                                       .oversharing = options_.oversharing,
-                                       .overlap = overlap,
-                                       .min_seen_by_others = options_.min_seen_by_others,
-                                       .held_tiles = tiles_->Held()};
-  MAPP_ASSIGN_OR_RETURN(ClientSharedMap received, client_.RequestSharedMap(session_->id, request, patience));
-  progress_.RecordLatency(Step::kSharedMap, stopwatch.Elapsed());
-  if (received.is_own_map) return false;
-  tiles_->Put(std::move(received.tiles));
+  return {.keyframe = view.number,
+          .view = query,
+          .oversharing = options_.oversharing,
+          .overlap = overlap,
+          .min_seen_by_others = options_.min_seen_by_others,
+          .held_tiles = tiles_->Held(p_map, session_->cone_range_m + options_.look_ahead_m),
+          .max_bytes = options_.max_shared_map_bytes,
+          .look_ahead = {.distance_m = options_.look_ahead_m, .motion = MotionIn(view.pose_frame)}};
+}
+
+StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patience patience) {
+  const std::optional<Pose3> T_map_session = progress_.T_map_session();
+  if (!T_map_session) return absl::FailedPreconditionError("the session is not aligned");
+  tiles_->Forget(progress_.TakeChangedTiles());
   const Pose3 T_map_camera =
       view.pose_frame == PoseFrame::kMap ? view.T_frame_camera : *T_map_session * view.T_frame_camera;
-  const ViewCone cone{.T_map_camera = T_map_camera,
-                      .range_m = session_->cone_range_m,
-                      .field_of_view = options_.oversharing * camera_.FieldOfView()};
-  const auto map = tiles_->MapInView(cone, *T_map_session, num_shared_maps_ + 1);
-  if (map->points.empty()) return false;
-  ++num_shared_maps_;
-  // First the state: the tracking thread may report on the map as soon as it has it.
-  progress_.OnSharedMap(map->number);
-  adapter_->TakeSharedMap(map);
+  const ClientSharedMapRequest request = WishFor(view, overlap, T_map_camera.translation());
+  const Stopwatch stopwatch;
+  size_t num_early_tiles = 0;
+  const auto use_early = [&](const ClientSharedMap& so_far) {
+    if (num_early_tiles > 0) return;
+    const auto map = tiles_->MapOf(so_far.tiles, *T_map_session, num_shared_maps_ + 1);
+    if (map->points.size() < kMinEarlyPoints) return;
+    num_early_tiles = so_far.tiles.size();
+    ++num_shared_maps_;
+    progress_.OnSharedMap(map->number);
+    adapter_->TakeSharedMap(map);
+  };
+  MAPP_ASSIGN_OR_RETURN(ClientSharedMap received, client_.RequestSharedMap(session_->id, request, patience, use_early));
+  progress_.RecordLatency(Step::kSharedMap, stopwatch.Elapsed());
+  if (received.first_tile_after) progress_.RecordLatency(Step::kFirstSharedTile, *received.first_tile_after);
+  if (received.is_own_map) return false;
+  const bool over_budget = received.num_tiles_over_budget > 0;
+  const SharedTiles::Taken taken = tiles_->Take(std::move(received), request.held_tiles);
+  progress_.UpdateStats([&](ParticipantStats& stats) { stats.num_cached_tiles += taken.num_cached; });
+  const auto map = tiles_->MapOf(taken.keys, *T_map_session, num_shared_maps_ + 1);
+  tiles_->DropFarthest(T_map_camera.translation());
+  if (map->points.empty()) {
+    if (over_budget) {
+      NoteError(progress_, absl::ResourceExhaustedError("max_shared_map_bytes: too few for the nearest tile"));
+    }
+    return false;
+  }
+  if (taken.keys.size() != num_early_tiles) {
+    ++num_shared_maps_;
+    // First the state: the tracking thread may report on the map as soon as it has it.
+    if (num_early_tiles == 0) {
+      progress_.OnSharedMap(map->number);
+    } else {
+      progress_.OnSharedMapWhole(map->number);
+    }
+    adapter_->TakeSharedMap(map);
+  }
+  // After the device has them: a disk may be slow.
+  if (const Status stored = tiles_->StoreNew(); !stored.ok()) NoteError(progress_, stored);
   return true;
+}
+
+Eigen::Vector3d NetworkWorker::MotionIn(PoseFrame frame) const {
+  const Eigen::Vector3d motion_session = progress_.motion_session();
+  const std::optional<Pose3> T_map_session = progress_.T_map_session();
+  return frame == PoseFrame::kMap && T_map_session ? T_map_session->rotation() * motion_session : motion_session;
 }
 
 void NetworkWorker::Handle(const FailureJob& job) {

@@ -62,8 +62,15 @@ class NetworkWorker {
   /// nullopt where the server cannot tell (session not aligned there).
   StatusOr<std::optional<Assessment>> Assess(const Keyframe& keyframe, const OwnPoints& own);
 
-  /// Asks for the map around a pose and hands it to the adapter. False when the map knows nothing there.
+  /// What to ask for around a view from `p_map`.
+  ClientSharedMapRequest WishFor(const Keyframe& view, double overlap, const Eigen::Vector3d& p_map);
+  /// Asks for the map around a pose and hands it to the adapter, first tiles first. False when the map knows nothing
+  /// there.
   StatusOr<bool> Share(const Keyframe& view, double overlap, Patience patience);
+  /// Null when there is to be none, or it cannot be opened, which is noted.
+  std::unique_ptr<TileFolder> OpenTileFolder();
+  /// How the device moved lately.
+  Eigen::Vector3d MotionIn(PoseFrame frame) const;
   void LeaveSharedMap();
   /// Algorithm 1, lines 11 to 16: the shared maps have failed; does the world differ from the map?
   void ReportFailure(const FailureJob& job);

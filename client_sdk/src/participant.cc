@@ -5,6 +5,7 @@
 #include "mapp/base/mutex.h"
 #include "mapp/codec/keyframe_codec.h"
 #include "session_figures.h"
+#include "tile_folder.h"
 
 #include <fmt/format.h>
 
@@ -22,6 +23,9 @@ constexpr size_t kMinKeyframesToOpen = 2;
 /// Sessions kept, the present one among them: each has its threads and its connection, and up to a full queue while the
 /// server is away.
 constexpr size_t kMaxFollowed = 17;
+/// Less would hold few tiles, or none.
+constexpr uint64_t kMinSharedMapBytes = 64 << 10;
+constexpr uint64_t kMinCacheBytes = 1 << 20;
 
 Status CheckRange(double value, double low, double high, const char* field) {
   if (value >= low && value <= high) return absl::OkStatus();
@@ -39,6 +43,16 @@ Status ParticipantOptions::Validate() const {
   MAPP_RETURN_IF_ERROR(CheckRange(min_seen_by_others, 0, 1, "min_seen_by_others"));
   MAPP_RETURN_IF_ERROR(CheckRange(oversharing, 1, 4, "oversharing"));
   MAPP_RETURN_IF_ERROR(CheckRange(max_shared_map_tries, 0, 100, "max_shared_map_tries"));
+  MAPP_RETURN_IF_ERROR(CheckRange(look_ahead_m, 0, 100, "look_ahead_m"));
+  if (max_shared_map_bytes != 0 && max_shared_map_bytes < kMinSharedMapBytes) {
+    return absl::InvalidArgumentError(
+        fmt::format("max_shared_map_bytes: must be 0, for no limit, or at least {}, got {}", kMinSharedMapBytes,
+                    max_shared_map_bytes));
+  }
+  if (!tile_cache.folder.empty() && tile_cache.max_bytes < kMinCacheBytes) {
+    return absl::InvalidArgumentError(
+        fmt::format("tile_cache.max_bytes: must be at least {}, got {}", kMinCacheBytes, tile_cache.max_bytes));
+  }
   if (max_queued_keyframes == 0) return absl::InvalidArgumentError("max_queued_keyframes: must be at least 1");
   return absl::OkStatus();
 }
@@ -99,6 +113,7 @@ StatusOr<std::unique_ptr<Participant>> Participant::Open(const MapClientOptions&
   if (adapter == nullptr && options.policy != UploadPolicy::kUploadAll) {
     return absl::InvalidArgumentError("adapter: must be given, except with kUploadAll");
   }
+  if (!options.tile_cache.folder.empty()) MAPP_RETURN_IF_ERROR(TileFolder::CheckUsable(options.tile_cache));
   MAPP_ASSIGN_OR_RETURN(std::unique_ptr<MapClient> client, MapClient::Create(client_options));
   const SessionSetup setup{client_options, options, camera, sensor};
   auto first = std::make_shared<FragmentSession>(std::move(client), setup, adapter, /*min_to_open=*/0);

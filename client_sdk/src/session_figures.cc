@@ -38,6 +38,7 @@ SessionFigures& SessionFigures::operator+=(const SessionFigures& later) {
   counts.full += more.full;
   counts.num_sharing_failures += more.num_sharing_failures;
   counts.num_update_reports += more.num_update_reports;
+  counts.num_cached_tiles += more.num_cached_tiles;
   AddTraffic(counts.traffic, more.traffic);
   counts.network_cpu_s += more.network_cpu_s;
   for (size_t step = 0; step < latency.size(); ++step) latency[step].Add(later.latency[step]);
@@ -51,6 +52,7 @@ ParticipantStats SessionFigures::Summary() const {
                    .redundancy_control = summary(Step::kRedundancyControl),
                    .keyframe_upload = summary(Step::kKeyframeUpload),
                    .shared_map = summary(Step::kSharedMap),
+                   .first_shared_tile = summary(Step::kFirstSharedTile),
                    .update_report = summary(Step::kUpdateReport)};
   return stats;
 }

@@ -14,6 +14,7 @@ constexpr const char* kNotAcknowledged = "the server has not acknowledged the en
 
 void SessionProgress::AddKeyframe(Keyframe keyframe) {
   MutexLock lock(mutex_);
+  recent_way_.Add(keyframe.T_frame_camera.translation());
   ParticipantStats& stats = figures_.counts;
   ++stats.num_keyframes;
   if (!outcome_.ok()) {
@@ -38,6 +39,7 @@ bool SessionProgress::BeginFailure(const SharedMapFrame& frame) {
   MutexLock lock(mutex_);
   if (closing_ || state_ != ParticipantState::kSharing || frame.shared_map_number != shared_map_number_) return false;
   if (frame.localized) {
+    recent_way_.Add(frame.T_session_camera.translation());
     num_maps_tried_ = 0;
     localized_on_map_ = true;
     return false;
@@ -211,6 +213,14 @@ void SessionProgress::OnSharedMap(uint32_t number) {
   changed_.NotifyAll();
 }
 
+void SessionProgress::OnSharedMapWhole(uint32_t number) {
+  MutexLock lock(mutex_);
+  shared_map_number_ = number;
+  failure_in_hand_ = false;
+  failure_.reset();
+  changed_.NotifyAll();
+}
+
 void SessionProgress::OnLeftSharedMap() {
   MutexLock lock(mutex_);
   state_ = ParticipantState::kExpanding;
@@ -221,6 +231,11 @@ void SessionProgress::OnLeftSharedMap() {
 std::map<TileKey, Revision> SessionProgress::TakeChangedTiles() {
   MutexLock lock(mutex_);
   return std::exchange(changed_tiles_, {});
+}
+
+Eigen::Vector3d SessionProgress::motion_session() const {
+  MutexLock lock(mutex_);
+  return recent_way_.Motion();
 }
 
 void SessionProgress::UpdateStats(const std::function<void(ParticipantStats&)>& change) {

@@ -2,6 +2,7 @@
 
 #include "mapp/base/mutex.h"
 #include "mapp/client/participant.h"
+#include "recent_way.h"
 #include "session_figures.h"
 
 #include <algorithm>
@@ -72,9 +73,14 @@ class SessionProgress {
   void AddEvidence(Keyframe keyframe, bool localized_on_map);
   void OnUploaded(uint32_t number, const ClientUpload& upload);
   void OnSharedMap(uint32_t number);  ///< the adapter is about to get it
+  /// The map that OnSharedMap told of has come whole, under a number of its own. What failed on part of it is no
+  /// matter.
+  void OnSharedMapWhole(uint32_t number);
   void OnLeftSharedMap();
   /// Tiles that the server has changed since the last call, and the revisions that did it.
   std::map<TileKey, Revision> TakeChangedTiles();
+  /// How the device moved lately, as far as keyframes and frames on shared maps told; RecentWay::Motion().
+  Eigen::Vector3d motion_session() const;
   void OnCloseFailed(const Status& why);  ///< another attempt follows
   void OnClosed(bool optimization_pending);
   void OnCloseRefused(const Status& why);
@@ -137,6 +143,7 @@ class SessionProgress {
   int num_maps_tried_ ABSL_GUARDED_BY(mutex_) = 0;
   std::optional<FailureJob> failure_ ABSL_GUARDED_BY(mutex_);
   std::map<TileKey, Revision> changed_tiles_ ABSL_GUARDED_BY(mutex_);
+  RecentWay recent_way_ ABSL_GUARDED_BY(mutex_);
 
   int num_watch_starts_ ABSL_GUARDED_BY(mutex_) = 0;
   int num_watch_starts_seen_ ABSL_GUARDED_BY(mutex_) = 0;  // by WaitForWatch and WaitForOptimization

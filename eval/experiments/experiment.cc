@@ -20,7 +20,7 @@ const std::vector<Experiment>& Experiments() {
       {"reconstruction", "Map reconstruction error against users", {"garage", "city"}, RunReconstruction},
       {"injection", "Redundancy injection", {"garage"}, RunInjection},
       {"sharing", "Map sharing: what it saves the device", {"garage", "plaza"}, RunSharing},
-      {"alpha", "Oversharing factor", {"garage"}, RunAlpha},
+      {"alpha", "How far a shared map reaches", {"garage"}, RunAlpha},
       {"overlap", "Overlap estimators against the oracle", {"garage", "plaza", "hall"}, RunOverlap},
       {"adapter", "Recorded keyframes through the adapter", {}, RunAdapter, /*needs_recording=*/true},
   };

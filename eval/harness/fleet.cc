@@ -34,7 +34,14 @@ std::vector<Policy> MakePolicies() {
       MakePolicy("no_injection", "no injection", [](P& p) { p.injection = Injection::kNone; }),
       MakePolicy("random_injection", "random injection", [](P& p) { p.injection = Injection::kRandom; }),
       MakePolicy("no_sharing", "no sharing", [](P& p) { p.sharing = false; }),
-      MakePolicy("alpha_1", "alpha 1", [](P& p) { p.oversharing = 1; }),
+      MakePolicy("alpha_1", "alpha 1",
+                 [](P& p) {
+                   p.oversharing = 1;
+                   p.look_ahead_m = 0;
+                 }),
+      MakePolicy("alpha_1.3", "alpha 1.3", [](P& p) { p.look_ahead_m = 0; }),
+      MakePolicy("look_ahead_10", "look-ahead 10 m", [](P& p) { p.look_ahead_m = 10; }),
+      MakePolicy("look_ahead_20", "look-ahead 20 m", [](P& p) { p.look_ahead_m = 20; }),
   };
 }
 
@@ -50,11 +57,12 @@ const Policy& PolicyNamed(const std::string& name) {
 std::vector<std::string> ReplayArguments(const ParticipantOptions& participation) {
   const std::string policy = NameOf(kPolicyChoices, participation.policy);
   if (participation.policy == UploadPolicy::kUploadAll) return {"--policy", policy};
-  return {"--policy",    policy,
-          "--sampler",   NameOf(kSamplerChoices, participation.sampler),
-          "--injection", NameOf(kInjectionChoices, participation.injection),
-          "--sharing",   NameOf(kSwitchChoices, participation.sharing),
-          "--alpha",     fmt::format("{}", participation.oversharing)};
+  return {"--policy",     policy,
+          "--sampler",    NameOf(kSamplerChoices, participation.sampler),
+          "--injection",  NameOf(kInjectionChoices, participation.injection),
+          "--sharing",    NameOf(kSwitchChoices, participation.sharing),
+          "--alpha",      fmt::format("{}", participation.oversharing),
+          "--look-ahead", fmt::format("{}", participation.look_ahead_m)};
 }
 
 std::string FleetSpec::Key() const {
@@ -64,7 +72,8 @@ std::string FleetSpec::Key() const {
       world.setting, world.num_users, world.path_m, world.seed, static_cast<int>(world.sensor), world.rate_hz,
       world.num_changes, world.num_passers, fmt::join(world.cameras, "+"), fmt::join(world.trajectory_files, "+"),
       world.textures_folder, LevelName(level), concurrent, world.num_routes, world.max_duration_s, reconstruct);
-  for (const Participation& device : devices) key += fmt::format(" {}:{}", device.visit, device.policy);
+  for (const Participation& device : devices)
+    key += fmt::format(" {}:{}:{}", device.visit, device.policy, device.tile_cache);
   return key;
 }
 

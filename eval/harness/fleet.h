@@ -24,8 +24,8 @@ struct Policy {
   ParticipantOptions participation;
 };
 
-/// upload_all, depth_sketch, uniform, occupancy, no_injection, random_injection, no_sharing, alpha_1. Programmer's
-/// error for another name.
+/// upload_all, depth_sketch, uniform, occupancy, no_injection, random_injection, no_sharing, and, apart by how far
+/// shared maps reach, alpha_1, alpha_1.3, look_ahead_10, look_ahead_20. Programmer's error for another name.
 const Policy& PolicyNamed(const std::string& name);
 
 /// The options of `mapp replay` that give a device these settings.
@@ -38,6 +38,8 @@ inline constexpr const char* kEvalMapName = "eval";
 struct Participation {
   int visit = 0;       ///< of the simulation
   std::string policy;  ///< as PolicyNamed takes it
+  /// Name of a tile cache that it shares with the fleet's devices of the same; empty: none.
+  std::string tile_cache = {};
 };
 
 /// Devices that build and use one map in a simulated world, one after the other or at the same time.

@@ -76,6 +76,11 @@ struct Lab::Impl {
     return fmt::format("device {} ({})", device, stage.spec.devices[device].policy);
   }
 
+  TileCacheOptions CacheOf(const Stage& stage, size_t device) const {
+    const std::string& name = stage.spec.devices[device].tile_cache;
+    return {.folder = name.empty() ? "" : fmt::format("{}/tiles_{}", stage.folder, name)};
+  }
+
   /// Plays one device to its end.
   Status PlayDevice(const Stage& stage, size_t device) const {
     Tell(stage.spec, device);
@@ -100,6 +105,8 @@ struct Lab::Impl {
                      fmt::format("{}", lab.options_.session_timeout / std::chrono::seconds(1))};
     const auto policy = ReplayArguments(PolicyNamed(stage.spec.devices[device].policy).participation);
     child.command.insert(child.command.end(), policy.begin(), policy.end());
+    const TileCacheOptions cache = CacheOf(stage, device);
+    if (!cache.folder.empty()) child.command.insert(child.command.end(), {"--tile-cache", cache.folder});
     if (IsJudgedByFirst(stage, device)) {
       const RunFiles first = FilesOf(stage, 0);
       child.command.insert(child.command.end(), {"--align-by", first.truth, first.trajectory});
@@ -118,6 +125,7 @@ struct Lab::Impl {
     run.map_name = kEvalMapName;
     run.device = fmt::format("device_{}", device);
     run.participation = PolicyNamed(stage.spec.devices[device].policy).participation;
+    run.participation.tile_cache = CacheOf(stage, device);
     run.simulation = stage.simulation;
     run.visit = stage.spec.devices[device].visit;
     run.patience = lab.options_.session_timeout;

@@ -33,6 +33,7 @@ grpc::Status MapServiceHandler::OpenSession(grpc::ServerContext* context, const 
     response->set_max_features(kMaxFeatures);
     response->set_max_keyframe_bytes(max_keyframe_bytes_);
     response->set_map_revision(opened.map.revision.value());
+    response->set_map_created_unix_ns(opened.map.created_ns);
     return absl::OkStatus();
   });
 }

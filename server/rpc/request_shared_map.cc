@@ -22,8 +22,16 @@ StatusOr<std::vector<HeldTile>> DecodeHeldTiles(const v1::RequestSharedMapReques
     const v1::HeldTile& tile = request.held_tiles(i);
     MAPP_ASSIGN_OR_RETURN(const TileKey key, TileKeyFromProto(tile.key(), fmt::format("held_tiles[{}].key", i)));
     held.push_back({.key = key, .revision = Revision(tile.revision())});
+    if (tile.has_crc32c()) held.back().crc32c = tile.crc32c();
   }
   return held;
+}
+
+LookAhead Decode(const v1::LookAhead& look_ahead) {
+  const v1::Point3& motion = look_ahead.motion();
+  return {.distance_m = look_ahead.distance_m(),
+          .motion = {motion.x_m(), motion.y_m(), motion.z_m()},
+          .earlier_ways = look_ahead.earlier_ways()};
 }
 
 StatusOr<SharedMapInput> Decode(const v1::RequestSharedMapRequest& request) {
@@ -35,6 +43,7 @@ StatusOr<SharedMapInput> Decode(const v1::RequestSharedMapRequest& request) {
   MAPP_ASSIGN_OR_RETURN(input.held_tiles, DecodeHeldTiles(request));
   input.max_bytes = request.max_bytes();
   input.min_seen_by_others = request.min_seen_by_others();
+  input.look_ahead = Decode(request.look_ahead());
   return input;
 }
 
@@ -65,6 +74,9 @@ grpc::Status MapServiceHandler::RequestSharedMap(grpc::ServerContext* context,
     summary.set_num_tiles_unchanged(result.num_tiles_unchanged);
     summary.set_num_tiles_over_budget(result.num_tiles_over_budget);
     summary.set_is_own_map(result.is_own_map);
+    summary.mutable_unchanged_held_tiles()->Add(result.unchanged_held.begin(), result.unchanged_held.end());
+    summary.mutable_outdated_held_tiles()->Add(result.outdated_held.begin(), result.outdated_held.end());
+    summary.set_num_tiles_sent_ahead(result.num_tiles_sent_ahead);
     return Send(message, *writer, call);
   });
 }

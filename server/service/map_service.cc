@@ -52,6 +52,16 @@ StatusOr<MapRecord> FindOrCreateMap(MapWriter& writer, const OpenSessionInput& i
   return writer.GetMap(id);
 }
 
+Status Validate(const LookAhead& look_ahead) {
+  if (!(look_ahead.distance_m >= 0 && look_ahead.distance_m <= kMaxLookAheadM)) {
+    return absl::InvalidArgumentError(
+        fmt::format("look_ahead.distance_m: must be in [0, {}], got {}", kMaxLookAheadM, look_ahead.distance_m));
+  }
+  if (look_ahead.motion.allFinite() && look_ahead.motion.norm() <= kMaxCoordinateM) return absl::OkStatus();
+  return absl::InvalidArgumentError(
+      fmt::format("look_ahead.motion: must be finite and no longer than {} m", kMaxCoordinateM));
+}
+
 StatusOr<SessionView> LoadOpenSession(MapStore& store, SessionId session) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
   MAPP_ASSIGN_OR_RETURN(SessionView view, LoadSession(*reader, session));
@@ -174,6 +184,7 @@ StatusOr<SharedMapResult> MapService::RequestSharedMap(const CallContext& contex
     return absl::InvalidArgumentError(
         fmt::format("min_seen_by_others: must be in [0, 1], got {}", input.min_seen_by_others));
   }
+  MAPP_RETURN_IF_ERROR(Validate(input.look_ahead));
   MAPP_ASSIGN_OR_RETURN(const SessionView open, LoadOpenSession(impl_->store, input.session));
   MAPP_RETURN_IF_ERROR(CheckMeasuresDepth(open.session));
   MAPP_ASSIGN_OR_RETURN(const MapView view,
@@ -182,7 +193,11 @@ StatusOr<SharedMapResult> MapService::RequestSharedMap(const CallContext& contex
     MAPP_ASSIGN_OR_RETURN(const double share, ShareSeenByOthers(impl_->tiles, view.map, view.Cone(), input.session));
     if (share < input.min_seen_by_others) return SharedMapResult{.map_revision = open.map.revision, .is_own_map = true};
   }
-  return impl_->shared_map.Send(context, view, input.oversharing, input.held_tiles, input.max_bytes, send);
+  SharedMapWish wish{view, input.oversharing, input.look_ahead, input.held_tiles, input.max_bytes};
+  if (input.view.pose_frame == PoseFrame::kSession) {
+    wish.look_ahead.motion = open.session.T_map_session->rotation() * input.look_ahead.motion;
+  }
+  return impl_->shared_map.Send(context, wish, send);
 }
 
 StatusOr<UpdateResult> MapService::ReportUpdate(const CallContext& context, SessionId session,

@@ -38,7 +38,16 @@ struct UploadResult {
 struct HeldTile {
   TileKey key;
   Revision revision;
+  std::optional<uint32_t> crc32c = {};  ///< of the encoded tile; absent: the revision alone tells whether it is current
 };
+/// Where a device may be soon (DESIGN 9).
+struct LookAhead {
+  double distance_m = 0;  ///< along the way; range [0, kMaxLookAheadM], 0 = none
+  /// How the camera moved lately, in the frame of the view's pose; zero: it stood still. Only its direction counts.
+  Eigen::Vector3d motion = Eigen::Vector3d::Zero();
+  bool earlier_ways = false;  ///< where earlier sessions went on from here, too
+};
+inline constexpr double kMaxLookAheadM = 100;
 struct SharedMapInput {
   SessionId session;
   ViewQuery view;
@@ -47,6 +56,7 @@ struct SharedMapInput {
   uint64_t max_bytes = 0;  ///< 0 = no budget
   /// Nothing is sent where fewer of the points in the cone than this share were seen by other sessions; [0, 1].
   double min_seen_by_others = 0;
+  LookAhead look_ahead = {};
 };
 struct SharedMapResult {
   Revision map_revision;
@@ -54,6 +64,11 @@ struct SharedMapResult {
   uint32_t num_tiles_sent = 0;
   uint32_t num_tiles_unchanged = 0;
   uint32_t num_tiles_over_budget = 0;
+  uint32_t num_tiles_sent_ahead = 0;  ///< of those sent: outside the cone
+  /// Indices of held tiles: those of num_tiles_unchanged, and those around the view that are not as the map has them
+  /// and were not sent.
+  std::vector<uint32_t> unchanged_held = {};
+  std::vector<uint32_t> outdated_held = {};
 };
 enum class UpdateVerdict { kNone = 1, kExpansion = 2, kUpdating = 3 };
 struct UpdateResult {

@@ -63,6 +63,35 @@ TEST_F(RoomReplayTest, SecondDeviceJoinsTheMapAfterTheServerWasKilled) {
   EXPECT_EQ(server().Stop(), 0);
 }
 
+class TileCacheReplayTest : public ServiceTest {
+ protected:
+  static std::string Visit(int user) {
+    return "sim:garage:users=3,path=12,seed=1,sensor=rgbd,rate=10,routes=1,camera=d455-640/" + std::to_string(user);
+  }
+};
+
+TEST_F(TileCacheReplayTest, TheSecondDriveDownloadsWhatHasChangedSinceTheFirst) {
+  StartServer();
+  Replay(Visit(0), "mapper", {"--level", "features"});
+  const std::vector<std::string> cached = {"--level", "features", "--tile-cache", folder().File("tiles")};
+  const Replayed first = Replay(Visit(1), "first", cached);
+  EXPECT_EQ(first.Number("cached_tiles"), 0);
+  EXPECT_GT(first.Number("frames_on_shared_map"), 0.5 * first.Number("frames"));
+  KillAndRestartServer();
+  const Replayed second = Replay(Visit(2), "second", cached);
+  EXPECT_GT(second.Number("frames_on_shared_map"), 0.5 * second.Number("frames"));
+  EXPECT_GT(second.Number("cached_tiles"), 0);
+  EXPECT_LT(second.Number("download_bytes"), 0.8 * first.Number("download_bytes"));
+}
+
+TEST_F(TileCacheReplayTest, AFolderThatCannotBeWrittenIsNamed) {
+  StartServer();
+  const std::string in_the_way = folder().File("map.db");
+  const std::string error = ExpectFailure({"replay", "--server", server().address(), "--map", "m", "--device", "d",
+                                           "--tile-cache", in_the_way, "--level", "features", Visit(0)});
+  EXPECT_NE(error.find("tile_cache.folder: " + in_the_way), std::string::npos) << error;
+}
+
 class KitchenReplayTest : public ServiceTest {
  protected:
   void SetUp() override {

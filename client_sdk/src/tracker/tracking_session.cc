@@ -43,10 +43,9 @@ void TrackingSession::LeaveSharedMap() {
 TrackingResult TrackingSession::Track(const std::shared_ptr<const Frame>& frame) {
   TrackingResult result = state_ == TrackingState::kNotStarted ? Start(frame) : TrackStarted(frame);
   state_ = result.state;
-  if (state_ == TrackingState::kTracking) {
-    trajectory_.Add(*front_end_.last(),
-                    result.on_shared_map ? std::optional(shared_localizer_.T_map_session()) : std::nullopt);
-  }
+  result.T_odometry_session = T_odometry_session_;
+  if (result.on_shared_map) result.T_map_session = shared_localizer_.T_map_session();
+  if (state_ == TrackingState::kTracking) trajectory_.Add(*front_end_.last(), result.T_map_session);
   if (on_probation_) Examine(&result);
   return result;
 }
@@ -146,6 +145,9 @@ bool TrackingSession::TrackOnSharedMap(const std::shared_ptr<const Frame>& frame
     RetireGeneration(generation_before);
     keyframe_policy_.OnPoseCorrection(tracked);
     state_ = TrackingState::kLost;  // the step onto the shared map is a correction, not a motion
+    if (T_session_camera_guess) {
+      T_odometry_session_ = T_odometry_session_ * *T_session_camera_guess * tracked.T_session_camera.Inverse();
+    }
   }
   Accept(std::move(tracked), result);
   return true;

@@ -67,6 +67,7 @@ class TrackingSession {
   SharedLocalizer shared_localizer_;
   KeyframePolicy keyframe_policy_;
   TrajectoryLog trajectory_;
+  Pose3 T_odometry_session_;
   MonoInitializer mono_initializer_;
   bool on_probation_ = false;
   int num_examined_ = 0;  ///< frames tracked while on probation

@@ -75,6 +75,37 @@ Status Corrupt(const TileKey& key, const std::string& what) {
   return absl::DataLossError(fmt::format("tile {}: {}", key.ToString(), what));
 }
 
+/// What the envelope holds, found whole.
+StatusOr<std::string_view> OpenEnvelope(std::string_view bytes) {
+  ByteReader head(bytes);
+  const auto magic = head.Get<uint32_t>();
+  const auto version = head.Get<uint8_t>();
+  const auto length = head.Get<uint32_t>();
+  const auto stored_crc = head.Get<uint32_t>();
+  if (head.failed()) return absl::DataLossError(fmt::format("tile: truncated, {} bytes", bytes.size()));
+  if (magic != kMagic) return absl::DataLossError(fmt::format("tile: not a tile, magic {:#010x}", magic));
+  if (version != kVersion) return absl::DataLossError(fmt::format("tile: version {} is not supported", version));
+  if (length != bytes.size() - kEnvelopeBytes) {
+    return absl::DataLossError(fmt::format("tile: length {} != stored {}", bytes.size() - kEnvelopeBytes, length));
+  }
+  const std::string_view body = bytes.substr(kEnvelopeBytes);
+  const uint32_t crc = Crc32c(body);
+  if (crc != stored_crc) {
+    return absl::DataLossError(fmt::format("tile: crc32c {:#010x} != stored {:#010x}", crc, stored_crc));
+  }
+  return body;
+}
+
+StatusOr<TileHeader> ReadHeader(ByteReader& body) {
+  TileHeader header;
+  header.key = TileKey::FromPacked(body.Get<uint64_t>());
+  header.edge_m = body.Get<double>();
+  header.revision = Revision(body.GetVarint());
+  if (body.failed()) return Corrupt(header.key, "the header is cut off");
+  if (header.edge_m > 0 && header.edge_m < kMaxTileEdgeM) return header;
+  return Corrupt(header.key, fmt::format("edge {} m", header.edge_m));
+}
+
 }  // namespace
 
 std::string EncodeTile(const Tile& tile) {
@@ -117,32 +148,22 @@ std::string EncodeTile(const Tile& tile) {
   return writer.Take();
 }
 
-StatusOr<Tile> DecodeTile(std::string_view bytes) {
-  ByteReader head(bytes);
-  const auto magic = head.Get<uint32_t>();
-  const auto version = head.Get<uint8_t>();
-  const auto length = head.Get<uint32_t>();
-  const auto stored_crc = head.Get<uint32_t>();
-  if (head.failed()) return absl::DataLossError(fmt::format("tile: truncated, {} bytes", bytes.size()));
-  if (magic != kMagic) return absl::DataLossError(fmt::format("tile: not a tile, magic {:#010x}", magic));
-  if (version != kVersion) return absl::DataLossError(fmt::format("tile: version {} is not supported", version));
-  if (length != bytes.size() - kEnvelopeBytes) {
-    return absl::DataLossError(fmt::format("tile: length {} != stored {}", bytes.size() - kEnvelopeBytes, length));
-  }
-  const std::string_view body = bytes.substr(kEnvelopeBytes);
-  const uint32_t crc = Crc32c(body);
-  if (crc != stored_crc) {
-    return absl::DataLossError(fmt::format("tile: crc32c {:#010x} != stored {:#010x}", crc, stored_crc));
-  }
+StatusOr<TileHeader> DecodeTileHeader(std::string_view bytes) {
+  MAPP_ASSIGN_OR_RETURN(const std::string_view body, OpenEnvelope(bytes));
   ByteReader reader(body);
+  return ReadHeader(reader);
+}
+
+StatusOr<Tile> DecodeTile(std::string_view bytes) {
+  MAPP_ASSIGN_OR_RETURN(const std::string_view body, OpenEnvelope(bytes));
+  ByteReader reader(body);
+  MAPP_ASSIGN_OR_RETURN(const TileHeader header, ReadHeader(reader));
   Tile tile;
-  tile.key = TileKey::FromPacked(reader.Get<uint64_t>());
-  tile.edge_m = reader.Get<double>();
-  tile.revision = Revision(reader.GetVarint());
+  tile.key = header.key;
+  tile.edge_m = header.edge_m;
+  tile.revision = header.revision;
   const uint64_t num_frames = reader.GetVarint();
   const uint64_t num_points = reader.GetVarint();
-  if (!(tile.edge_m > 0 && tile.edge_m < kMaxTileEdgeM))
-    return Corrupt(tile.key, fmt::format("edge {} m", tile.edge_m));
   if (num_frames > reader.remaining() / kMinFrameBytes || num_frames > std::numeric_limits<uint16_t>::max() + 1ULL ||
       num_points > reader.remaining() / kMinPointBytes) {
     return Corrupt(tile.key, fmt::format("{} frames and {} points do not fit", num_frames, num_points));

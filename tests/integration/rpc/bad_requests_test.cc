@@ -252,6 +252,17 @@ TEST_F(BadRequestTest, BadSharedMapRequests) {
   bad = good;
   bad.set_min_seen_by_others(1.5F);
   ExpectRefused(RequestSharedMap(bad), "min_seen_by_others");
+  for (const float distance_m : {-1.0F, 100.5F, std::nanf("")}) {
+    bad = good;
+    bad.mutable_look_ahead()->set_distance_m(distance_m);
+    ExpectRefused(RequestSharedMap(bad), "look_ahead.distance_m");
+  }
+  for (const double y_m : {std::nan(""), HUGE_VAL, 2e6}) {
+    bad = good;
+    bad.mutable_look_ahead()->set_distance_m(5);
+    bad.mutable_look_ahead()->mutable_motion()->set_y_m(y_m);
+    ExpectRefused(RequestSharedMap(bad), "look_ahead.motion");
+  }
   bad = good;
   bad.add_held_tiles()->set_key(TileKey{}.Packed());
   bad.add_held_tiles()->set_key(~uint64_t{0});

@@ -72,6 +72,17 @@ class TestDevice {
     EXPECT_TRUE(idle.ok()) << idle;
   }
 
+  /// A frame that was localised on the present shared map.
+  void Localize(const Pose3& T_world_camera) {
+    participant_->OnSharedMapFrame({.shared_map_number = adapter_.map()->number,
+                                    .num_matches = 200,
+                                    .localized = true,
+                                    .T_session_camera = T_world_session_.Inverse() * T_world_camera},
+                                   [] { return std::nullopt; });
+  }
+  /// Until it is on a shared map.
+  void TurnUntilSharing(const SyntheticWorld& world);
+
   Participant& participant() { return *participant_; }
   const ScriptedAdapter& adapter() const { return adapter_; }
 
@@ -85,6 +96,13 @@ class TestDevice {
 
 /// Poses that a device turns through, almost on the spot, 20 degrees a step.
 Pose3 Turn(int step) { return SyntheticWorld::Stand(0.1 * step, -1, 0.35 * step); }
+
+void TestDevice::TurnUntilSharing(const SyntheticWorld& world) {
+  for (int step = 0; step < 12 && participant_->state() != ParticipantState::kSharing; ++step) {
+    HandIn(world, Turn(step));
+  }
+  ASSERT_EQ(participant_->state(), ParticipantState::kSharing);
+}
 
 class ParticipantRpcTest : public RpcTest {
  protected:
@@ -149,6 +167,33 @@ TEST_F(ParticipantRpcTest, ADeviceThatSeesAChangedWorldUploadsEvidence) {
   EXPECT_EQ(second.participant().state(), ParticipantState::kExpanding);
   EXPECT_EQ(second.participant().stats().num_update_reports, 1U);
   EXPECT_EQ(second.participant().stats().num_uploaded, uploads + 1);
+}
+
+TEST_F(ParticipantRpcTest, AFurtherSharedMapServesWhoLocalizesOnIt) {
+  MapTheRoom();
+  TestDevice second(address(), T_world_second_, 2);
+  second.TurnUntilSharing(world_);
+  const uint32_t number = second.adapter().map()->number;
+  second.Fail(world_, Turn(4));
+  second.Fail(world_, Turn(4));
+  EXPECT_EQ(second.adapter().map()->number, number + 2);
+  second.Localize(Turn(4));
+  EXPECT_EQ(second.participant().state(), ParticipantState::kSharing);
+  EXPECT_EQ(second.participant().stats().num_update_reports, 0U);
+  second.Fail(world_, Turn(5));
+  EXPECT_EQ(second.adapter().map()->number, number + 3) << "all tries anew";
+}
+
+TEST_F(ParticipantRpcTest, WhereTheMapIsEmptyADeviceExpandsIt) {
+  MapTheRoom();
+  TestDevice second(address(), T_world_second_, 2);
+  second.TurnUntilSharing(world_);
+  const uint64_t uploads = second.participant().stats().num_uploaded;
+  second.Fail(world_, SyntheticWorld::Stand(0, 60, 0));
+  EXPECT_EQ(second.participant().state(), ParticipantState::kExpanding);
+  EXPECT_EQ(second.adapter().map(), nullptr);
+  EXPECT_EQ(second.participant().stats().num_update_reports, 0U);
+  EXPECT_EQ(second.participant().stats().num_uploaded, uploads);
 }
 
 TEST_F(ParticipantRpcTest, UploadsSentTwiceAreStoredOnce) {

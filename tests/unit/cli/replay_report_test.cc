@@ -98,6 +98,10 @@ TEST(ReplayReportTest, JsonHasEveryPromisedKey) {
                           "sharing_started_ns",
                           "traffic",
                           "shared_map_request",
+                          "first_shared_tile",
+                          "cached_tiles",
+                          "look_ahead_m",
+                          "extraction",
                           "latency_ms",
                           "overlap_assessment",
                           "redundancy_control",
@@ -122,7 +126,7 @@ TEST(ReplayReportTest, JsonTellsAFounderFromASessionThatWasNeverAligned) {
 TEST(ReplayReportTest, TwoTablesFitSideBySide) {
   ReplayReport report = SecondDevice();
   const LatencySummary slow{.count = 7, .mean_ms = 1300, .p50_ms = 1234.5, .p95_ms = 12345.6};
-  report.latency.participant = {slow, slow, slow, slow, slow};
+  report.latency.participant = {slow, slow, slow, slow, slow, slow};
   report.latency.tracking = report.latency.localization = report.latency.local_mapping = slow;
   report.interrupted = true;
   std::istringstream text(FormatText(report));

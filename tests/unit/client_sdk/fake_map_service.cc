@@ -1,6 +1,7 @@
 #include "fake_map_service.h"
 
 #include "api/convert/convert.h"
+#include "mapp/base/bytes.h"
 #include "mapp/codec/keyframe_codec.h"
 #include "mapp/codec/query_codec.h"
 #include "mapp/codec/tile_codec.h"
@@ -123,6 +124,7 @@ grpc::Status FakeMapService::OpenSession(grpc::ServerContext*, const v1::OpenSes
   opened_.push_back(*request);
   response->set_session_id(next_session_++);
   response->set_map_id(1);
+  response->set_map_created_unix_ns(script_.map_created_ns);
   response->set_cone_range_m(20);
   response->set_tile_edge_m(kDefaultTileEdgeM);
   response->set_max_keyframe_bytes(64 << 10);
@@ -160,31 +162,40 @@ grpc::Status FakeMapService::UploadPartialKeyframe(grpc::ServerContext*,
 grpc::Status FakeMapService::RequestSharedMap(grpc::ServerContext*, const v1::RequestSharedMapRequest* request,
                                               grpc::ServerWriter<v1::RequestSharedMapResponse>* writer) {
   std::vector<Tile> tiles;
-  bool is_own_map = false;
+  v1::SharedMapSummary summary;
   {
     MutexLock lock(mutex_);
     shared_map_requests_.push_back(*request);
     while (script_.hold_shared_maps && !stopping_) changed_.Wait(mutex_);
     if (const grpc::Status status = Next(script_.shared_map_errors); !status.ok()) return status;
     if (!script_.is_own_map) tiles = script_.tiles;
-    is_own_map = script_.is_own_map;
+    summary.set_is_own_map(script_.is_own_map);
+    summary.set_num_tiles_over_budget(script_.num_tiles_over_budget);
+    if (script_.unchanged_held_beyond)
+      summary.add_unchanged_held_tiles(static_cast<uint32_t>(request->held_tiles_size()));
   }
   v1::RequestSharedMapResponse message;
-  uint32_t num_unchanged = 0;
+  std::vector<bool> is_settled(static_cast<size_t>(request->held_tiles_size()), false);
   for (const Tile& tile : tiles) {
-    const auto held = [&](const v1::HeldTile& h) {
-      return h.key() == tile.key.Packed() && h.revision() == tile.revision.value();
-    };
-    if (std::any_of(request->held_tiles().begin(), request->held_tiles().end(), held)) {
-      ++num_unchanged;
+    const std::string bytes = EncodeTile(tile);
+    const auto held = std::find_if(request->held_tiles().begin(), request->held_tiles().end(),
+                                   [&](const v1::HeldTile& h) { return h.key() == tile.key.Packed(); });
+    const auto held_idx = static_cast<size_t>(held - request->held_tiles().begin());
+    if (held != request->held_tiles().end()) is_settled[held_idx] = true;
+    if (held != request->held_tiles().end() && held->crc32c() == Crc32c(bytes)) {
+      summary.add_unchanged_held_tiles(static_cast<uint32_t>(held_idx));
       continue;
     }
-    message.set_tile(EncodeTile(tile));
+    message.set_tile(bytes);
     writer->Write(message);
+    MutexLock lock(mutex_);
+    while (script_.hold_after_first_tile && !stopping_) changed_.Wait(mutex_);
+  }
+  for (size_t i = 0; i < is_settled.size() && !summary.is_own_map(); ++i) {
+    if (!is_settled[i]) summary.add_outdated_held_tiles(static_cast<uint32_t>(i));
   }
   message.Clear();
-  message.mutable_summary()->set_num_tiles_unchanged(num_unchanged);
-  message.mutable_summary()->set_is_own_map(is_own_map);
+  *message.mutable_summary() = summary;
   writer->Write(message);
   return grpc::Status::OK;
 }

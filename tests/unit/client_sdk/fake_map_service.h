@@ -27,6 +27,8 @@ class FakeMapService final : public v1::MapService::Service {
     bool samples_redundant = false;
     bool is_own_map = false;  ///< then no tile is sent
     std::vector<Tile> tiles;
+    uint32_t num_tiles_over_budget = 0;  ///< as told in the summary
+    int64_t map_created_ns = 1000;
     v1::UpdateVerdict verdict = v1::UPDATE_VERDICT_NONE;
     bool optimization_pending = false;
     /// Where the map has every upload, in front of the pose it came with.
@@ -37,7 +39,9 @@ class FakeMapService final : public v1::MapService::Service {
     std::deque<grpc::StatusCode> upload_errors;
     std::deque<grpc::StatusCode> query_errors;
     std::deque<grpc::StatusCode> shared_map_errors;
-    bool hold_shared_maps = false;  ///< requests for them wait until this is false again
+    bool unchanged_held_beyond = false;  ///< answers speak of a held tile that there is none of
+    bool hold_after_first_tile = false;  ///< shared maps wait there until this is false again
+    bool hold_shared_maps = false;       ///< requests for them wait until this is false again
   };
 
   static constexpr uint32_t kSession = 7;  ///< the first that is opened; those that follow count on

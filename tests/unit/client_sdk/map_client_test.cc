@@ -2,7 +2,9 @@
 
 #include "client_sdk/src/call_control.h"
 #include "fake_map_service.h"
+#include "mapp/base/bytes.h"
 #include "mapp/codec/keyframe_codec.h"
+#include "mapp/codec/tile_codec.h"
 #include "synthetic_views.h"
 
 #include <gmock/gmock.h>
@@ -15,6 +17,7 @@ namespace mapp {
 namespace {
 
 using std::chrono::milliseconds;
+using testing::ElementsAre;
 using testing::HasSubstr;
 using testing::SizeIs;
 
@@ -74,8 +77,45 @@ TEST_F(MapClientTest, ASharedMapComesWhole) {
   const auto map = client_->RequestSharedMap(SessionId(7), {});
   ASSERT_TRUE(map.ok()) << map.status();
   ASSERT_THAT(map->tiles, SizeIs(1));
-  EXPECT_EQ(map->tiles[0].revision, Revision(4));
-  EXPECT_THAT(map->tiles[0].points, SizeIs(50));
+  EXPECT_EQ(map->tiles[0].tile.revision, Revision(4));
+  EXPECT_THAT(map->tiles[0].tile.points, SizeIs(50));
+  EXPECT_EQ(map->tiles[0].bytes, EncodeTile(TestTile(Revision(4), 50))) << "for a cache, as they were sent";
+  EXPECT_TRUE(map->first_tile_after.has_value());
+}
+
+TEST_F(MapClientTest, ASharedMapSaysWhatBecameOfHeldTiles) {
+  const Tile kept = TestTile(Revision(4), 50);
+  server_.Change([&](FakeMapService::Script& script) { script.tiles = {kept}; });
+  ClientSharedMapRequest request;
+  request.held_tiles = {{TileKey{.x = 9}, Revision(2), 1}, {kept.key, kept.revision, Crc32c(EncodeTile(kept))}};
+  const auto map = client_->RequestSharedMap(SessionId(7), request);
+  ASSERT_TRUE(map.ok()) << map.status();
+  EXPECT_THAT(map->tiles, SizeIs(0));
+  EXPECT_FALSE(map->first_tile_after.has_value());
+  EXPECT_THAT(map->unchanged_held, ElementsAre(1));
+  EXPECT_THAT(map->outdated_held, ElementsAre(0));
+}
+
+TEST_F(MapClientTest, WhatLiesAheadIsAskedForInTheFrameOfTheView) {
+  ClientSharedMapRequest request;
+  request.max_bytes = 100'000;
+  request.look_ahead = {.distance_m = 12, .motion = {0, 0, 1.5}, .earlier_ways = true};
+  ASSERT_TRUE(client_->RequestSharedMap(SessionId(7), request).ok());
+  const v1::RequestSharedMapRequest sent = server_.shared_map_requests().back();
+  EXPECT_EQ(sent.max_bytes(), 100'000U);
+  EXPECT_FLOAT_EQ(sent.look_ahead().distance_m(), 12);
+  EXPECT_DOUBLE_EQ(sent.look_ahead().motion().z_m(), 1.5);
+  EXPECT_TRUE(sent.look_ahead().earlier_ways());
+  request.look_ahead.distance_m = 0;
+  ASSERT_TRUE(client_->RequestSharedMap(SessionId(7), request).ok());
+  EXPECT_FALSE(server_.shared_map_requests().back().has_look_ahead());
+}
+
+TEST_F(MapClientTest, AnAnswerAboutTilesThatAreNotHeldIsRefused) {
+  server_.Change([](FakeMapService::Script& script) { script.unchanged_held_beyond = true; });
+  const auto map = client_->RequestSharedMap(SessionId(7), {});
+  EXPECT_EQ(map.status().code(), absl::StatusCode::kInternal);
+  EXPECT_THAT(std::string(map.status().message()), HasSubstr("summary.unchanged_held_tiles"));
 }
 
 TEST_F(MapClientTest, PosesOfASessionComeByKeyframe) {

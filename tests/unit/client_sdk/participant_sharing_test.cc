@@ -27,6 +27,37 @@ TEST_F(ParticipantTest, AFailureBringsANewSharedMapAndLocalizingOnItEndsIt) {
   EXPECT_THAT(server_.reported(), SizeIs(0));
 }
 
+TEST_F(ParticipantTest, TheFirstTilesServeUntilTheOthersAreThere) {
+  OpenAligned();
+  Tile beyond = TestTile(Revision(1), 50);
+  beyond.key.z = 1;
+  for (TilePoint& point : beyond.points) point.p_map.z() += static_cast<float>(kDefaultTileEdgeM);
+  server_.Change([&](FakeMapService::Script& script) {
+    script.samples_redundant = true;
+    script.tiles = {TestTile(Revision(1)), beyond};
+    script.hold_after_first_tile = true;
+  });
+  participant_->OnKeyframe(TestKeyframe(1, At(0.1)));
+  while (adapter_.maps().empty()) std::this_thread::yield();
+  EXPECT_EQ(adapter_.maps()[0]->points.size(), 300U);
+  EXPECT_EQ(participant_->state(), ParticipantState::kSharing);
+  // A failure on the part is none of the whole.
+  const SharedMapFrame failed{.shared_map_number = 1, .num_matches = 3, .localized = false, .T_session_camera = {}};
+  participant_->OnSharedMapFrame(failed, [] { return std::nullopt; });
+  server_.Change([](FakeMapService::Script& script) { script.hold_after_first_tile = false; });
+  const Status idle = participant_->WaitIdle(kPatience);
+  ASSERT_TRUE(idle.ok()) << idle;
+  ASSERT_THAT(adapter_.maps(), SizeIs(2));
+  EXPECT_EQ(adapter_.maps()[1]->points.size(), 350U);
+  EXPECT_THAT(server_.shared_map_requests(), SizeIs(1));
+  EXPECT_EQ(participant_->state(), ParticipantState::kSharing);
+  // All further maps are still to be had.
+  Frame(2, false);
+  Frame(3, false);
+  EXPECT_THAT(server_.reported(), SizeIs(0));
+  EXPECT_THAT(server_.shared_map_requests(), SizeIs(3));
+}
+
 TEST_F(ParticipantTest, WithoutSharingAKnownViewIsNeitherSentNorAskedFor) {
   options_.sharing = false;
   OpenAligned();

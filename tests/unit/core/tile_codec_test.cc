@@ -71,6 +71,37 @@ TEST(TileCodecTest, RoundTripLosesNoMoreThanDocumented) {
   }
 }
 
+TEST(TileHeaderTest, IsThatOfTheWholeTile) {
+  for (uint64_t seed = 1; seed <= 20; ++seed) {
+    Tile tile = RandomTile(seed, static_cast<int>(seed) - 1);
+    tile.edge_m = seed % 2 == 0 ? 8 : 4;
+    const StatusOr<TileHeader> header = DecodeTileHeader(EncodeTile(tile));
+    ASSERT_TRUE(header.ok()) << header.status();
+    EXPECT_EQ(header->key, tile.key);
+    EXPECT_EQ(header->edge_m, tile.edge_m);
+    EXPECT_EQ(header->revision, tile.revision);
+  }
+}
+
+TEST(TileHeaderTest, RefusesEveryTruncationAndFlippedByteAnywhere) {
+  const std::string bytes = EncodeTile(RandomTile(5, 8));
+  for (size_t i = 0; i < bytes.size(); ++i) {
+    EXPECT_EQ(DecodeTileHeader(bytes.substr(0, i)).status().code(), absl::StatusCode::kDataLoss) << i;
+    std::string spoiled = bytes;
+    spoiled[i] = static_cast<char>(spoiled[i] ^ 0x10);
+    EXPECT_EQ(DecodeTileHeader(spoiled).status().code(), absl::StatusCode::kDataLoss) << i;
+  }
+}
+
+TEST(TileHeaderTest, RefusesAnEdgeThatNoMapHas) {
+  for (const double edge_m : {0.0, -8.0, kMaxTileEdgeM, std::nan("")}) {
+    Tile tile = RandomTile(1, 0);
+    tile.edge_m = edge_m;
+    EXPECT_EQ(DecodeTileHeader(EncodeTile(tile)).status().code(), absl::StatusCode::kDataLoss) << edge_m;
+    EXPECT_EQ(DecodeTile(EncodeTile(tile)).status().code(), absl::StatusCode::kDataLoss) << edge_m;
+  }
+}
+
 TEST(TileCodecTest, EncodingAgainLosesNothingMore) {
   const Tile once = *DecodeTile(EncodeTile(RandomTile(3, 100)));
   const Tile twice = *DecodeTile(EncodeTile(once));

@@ -1,51 +1,11 @@
-#include "mapp/codec/keyframe_codec.h"
-#include "mapp/codec/tile_codec.h"
-#include "tests/unit/server/service_fixture.h"
+#include "tests/unit/server/views_fixture.h"
 
 #include <gmock/gmock.h>
-
-#include <set>
 
 namespace mapp::testing {
 namespace {
 
 using ::testing::StartsWith;
-
-/// A map of the half of the room around the cabinet: three views towards +z.
-class ViewsTest : public ServiceFixture {
- protected:
-  ViewsTest() : session_(Open()) {
-    MustUpload(world_, SyntheticWorld::Stand(0, -2, 0), session_, 0);
-    MustUpload(world_, SyntheticWorld::Stand(-1, -2, 0.2), session_, 1);
-    MustUpload(world_, SyntheticWorld::Stand(1, -2, -0.2), session_, 2);
-  }
-
-  std::string Packet(const SyntheticWorld& world, const Pose3& T_world_camera) {
-    return EncodeKeyframe(world.View(T_world_camera, session_, 10, rng_, 100'000));
-  }
-
-  SharedMapInput Request(const Pose3& T_world_camera) const {
-    SharedMapInput input;
-    input.session = session_;
-    input.view.T_frame_camera = T_world_camera;
-    return input;
-  }
-
-  SharedMapResult MustReceive(const SharedMapInput& input, std::vector<Tile>* tiles) {
-    const StatusOr<SharedMapResult> result =
-        service_->RequestSharedMap(context_, input, [&](const std::string& bytes) -> Status {
-          MAPP_ASSIGN_OR_RETURN(Tile tile, DecodeTile(bytes));
-          tiles->push_back(std::move(tile));
-          return absl::OkStatus();
-        });
-    EXPECT_TRUE(result.ok()) << result.status();
-    return *result;
-  }
-
-  SessionId session_;
-  const Pose3 seen_ = SyntheticWorld::Stand(0.1, -1.9, 0.03);
-  const Pose3 opposite_ = SyntheticWorld::Stand(0, 0, 3.14159);
-};
 
 using OverlapTest = ViewsTest;
 
@@ -137,95 +97,6 @@ TEST_F(OverlapTest, RefusesWhatItCannotAnswer) {
   EXPECT_EQ(code(session_, far_away, 10), absl::StatusCode::kInvalidArgument);
   ASSERT_TRUE(service_->CloseSession(context_, session_).ok());
   EXPECT_EQ(code(session_, {}, 10), absl::StatusCode::kFailedPrecondition);
-}
-
-using SharedMapTest = ViewsTest;
-
-TEST_F(SharedMapTest, HoldsEveryPointOfTheTilesNearestFirst) {
-  std::vector<Tile> tiles;
-  const SharedMapResult result = MustReceive(Request(seen_), &tiles);
-  EXPECT_EQ(result.num_tiles_sent, tiles.size());
-  EXPECT_EQ(result.num_tiles_over_budget, 0U);
-  EXPECT_EQ(result.map_revision, Map().revision);
-  size_t num_points = 0;
-  double previous = 0;
-  for (const Tile& tile : tiles) {
-    EXPECT_TRUE(CheckConsistency(tile).empty());
-    num_points += tile.points.size();
-    const double distance = TileGrid{tile.edge_m}.BoxOf(tile.key).exteriorDistance(seen_.translation());
-    EXPECT_GE(distance, previous);
-    previous = distance;
-  }
-  EXPECT_EQ(static_cast<int64_t>(num_points), Map().num_points) << "the cone meets all of this small map's tiles";
-}
-
-TEST_F(SharedMapTest, HeldTilesAreNotSentAgainUntilTheyChange) {
-  std::vector<Tile> tiles;
-  MustReceive(Request(seen_), &tiles);
-  SharedMapInput request = Request(seen_);
-  for (const Tile& tile : tiles) request.held_tiles.push_back({tile.key, tile.revision});
-  std::vector<Tile> again;
-  const SharedMapResult result = MustReceive(request, &again);
-  EXPECT_TRUE(again.empty());
-  EXPECT_EQ(result.num_tiles_unchanged, tiles.size());
-
-  MustUpload(world_, seen_, session_, 3);
-  MustReceive(request, &again);
-  EXPECT_FALSE(again.empty());
-}
-
-TEST_F(SharedMapTest, StoredBytesAreServedAsTheyAre) {
-  std::vector<Tile> tiles;
-  MustReceive(Request(seen_), &tiles);
-  service_->Shutdown();  // waits for the thread that stores encoded tiles, or drops what it has not begun
-  std::vector<Tile> again;
-  MustReceive(Request(seen_), &again);
-  ASSERT_EQ(again.size(), tiles.size());
-  for (size_t i = 0; i < tiles.size(); ++i) EXPECT_EQ(EncodeTile(again[i]), EncodeTile(tiles[i]));
-}
-
-TEST_F(SharedMapTest, BudgetEndsTheStream) {
-  std::vector<Tile> all;
-  MustReceive(Request(seen_), &all);
-  ASSERT_GE(all.size(), 2U);
-  SharedMapInput request = Request(seen_);
-  request.max_bytes = EncodeTile(all[0]).size() + 1;
-  std::vector<Tile> some;
-  const SharedMapResult result = MustReceive(request, &some);
-  ASSERT_EQ(some.size(), 1U);
-  EXPECT_EQ(some[0].key, all[0].key);
-  EXPECT_EQ(result.num_tiles_over_budget, all.size() - 1);
-}
-
-TEST_F(SharedMapTest, ADeviceIsNotSentWhatItAloneHasSeen) {
-  SharedMapInput request = Request(seen_);
-  request.min_seen_by_others = 0.5;
-  std::vector<Tile> tiles;
-  const SharedMapResult to_founder = MustReceive(request, &tiles);
-  EXPECT_TRUE(to_founder.is_own_map);
-  EXPECT_TRUE(tiles.empty());
-  EXPECT_GT(to_founder.map_revision.value(), 0U);
-
-  const SessionId other = Open();
-  Align(other);
-  request.session = other;
-  EXPECT_FALSE(MustReceive(request, &tiles).is_own_map);
-  EXPECT_FALSE(tiles.empty());
-  // What two have seen is another's map for either.
-  MustUpload(world_, seen_, other, 0);
-  request.session = session_;
-  EXPECT_FALSE(MustReceive(request, &tiles).is_own_map);
-}
-
-TEST_F(SharedMapTest, StopsWithTheReceiversError) {
-  const StatusOr<SharedMapResult> result = service_->RequestSharedMap(
-      context_, Request(seen_), [](const std::string&) { return absl::CancelledError("the caller is gone"); });
-  EXPECT_EQ(result.status().code(), absl::StatusCode::kCancelled);
-  SharedMapInput narrow = Request(seen_);
-  narrow.oversharing = 0.5;
-  EXPECT_EQ(
-      service_->RequestSharedMap(context_, narrow, [](const std::string&) { return absl::OkStatus(); }).status().code(),
-      absl::StatusCode::kInvalidArgument);
 }
 
 using UpdateTest = ViewsTest;

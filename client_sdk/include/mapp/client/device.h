@@ -11,7 +11,12 @@ namespace mapp {
 
 struct DevicePose {
   TrackingResult tracking;
-  std::optional<Pose3> T_map_camera;  ///< once the session is aligned and the frame is tracked
+  /// To steer by, when tracked: goes on smoothly where the device steps onto a shared map or leaves it. Drifts.
+  Pose3 T_odometry_camera;
+  /// Where the device is, once the session is aligned and the frame is tracked. Makes a step where the map knows
+  /// better: T_map_camera * T_odometry_camera.Inverse() takes up the drift of the odometry. Leaving a shared map is no
+  /// step.
+  std::optional<Pose3> T_map_camera;
 };
 
 /// One fragment of a device's way: what it tracked without being lost for long.

@@ -56,6 +56,8 @@ struct ClientSession {
   double cone_range_m = 20;
   double tile_edge_m = kDefaultTileEdgeM;
   size_t max_keyframe_bytes = 0;
+  /// Unix time at which the map was made; with `map` it tells this map from any other. 0: the server does not say.
+  int64_t map_created_ns = 0;
 };
 struct ClientUpload {
   FrameId frame;
@@ -67,6 +69,14 @@ struct ClientUpload {
 struct ClientHeldTile {
   TileKey key;
   Revision revision;
+  uint32_t crc32c = 0;  ///< of its encoded bytes
+};
+/// Where the device may be soon: what comes into view there is sent after what is in view.
+struct ClientLookAhead {
+  double distance_m = 0;  ///< along its way; range [0, 100], 0 = none
+  /// How the camera moved lately, in the frame of the view's pose; zero: it stood still. Only its direction counts.
+  Eigen::Vector3d motion = Eigen::Vector3d::Zero();
+  bool earlier_ways = true;  ///< where earlier sessions went on from here, not only straight on
 };
 struct ClientSharedMapRequest {
   uint32_t keyframe = 0;
@@ -76,11 +86,21 @@ struct ClientSharedMapRequest {
   /// The answer is empty where others saw a smaller share of the points in view; range [0, 1].
   double min_seen_by_others = 0;
   std::vector<ClientHeldTile> held_tiles;
+  uint64_t max_bytes = 0;  ///< of tiles sent, nearest first; 0 = no limit
+  ClientLookAhead look_ahead = {};
 };
+struct ClientTile {
+  Tile tile;
+  std::string bytes;  ///< as they were sent: docs/formats/tile.md
+};
+/// The shared map is the tiles sent and the held ones that are unchanged.
 struct ClientSharedMap {
-  std::vector<Tile> tiles;
-  bool is_own_map = false;  ///< empty because of min_seen_by_others
-  uint32_t num_tiles_unchanged = 0;
+  std::vector<ClientTile> tiles;
+  std::vector<uint32_t> unchanged_held;  ///< indices into the request's held_tiles
+  std::vector<uint32_t> outdated_held;   ///< likewise: copies that are not as the map has the tile, which was not sent
+  uint32_t num_tiles_over_budget = 0;
+  std::optional<std::chrono::nanoseconds> first_tile_after;  ///< since the request was sent, decoded
+  bool is_own_map = false;                                   ///< empty because of min_seen_by_others
   uint64_t map_revision = 0;
 };
 /// Where the map has a keyframe now.
@@ -147,8 +167,11 @@ class MapClient {
   StatusOr<OverlapAnswer> AssessOverlap(SessionId session, uint32_t keyframe, const ViewQuery& view,
                                         size_t num_samples);
   StatusOr<ClientUpload> UploadKeyframe(const std::string& packet);
+  /// `on_tile` is called, on this thread, with what has come so far after each tile: nearest first, each of use by
+  /// itself. Another attempt begins from nothing.
   StatusOr<ClientSharedMap> RequestSharedMap(SessionId session, const ClientSharedMapRequest& wanted,
-                                             Patience patience = Patience::kRetry);
+                                             Patience patience = Patience::kRetry,
+                                             const std::function<void(const ClientSharedMap& so_far)>& on_tile = {});
   StatusOr<ClientUpdateVerdict> ReportUpdate(SessionId session, const std::vector<std::string>& packets,
                                              Patience patience = Patience::kRetry);
   /// Number of keyframes the server holds of the session, and whether an optimisation follows.

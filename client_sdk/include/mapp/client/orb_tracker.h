@@ -60,10 +60,17 @@ enum class TrackingState { kNotStarted, kTracking, kLost };
 
 struct TrackingResult {
   TrackingState state = TrackingState::kNotStarted;
-  Pose3 T_session_camera;          ///< valid when kTracking
-  int num_matches = 0;             ///< map points matched after pose optimisation
-  uint32_t fragment = 0;           ///< that the frame was tracked or lost in; names the frame `session` of the pose
-  bool on_shared_map = false;      ///< the pose comes from the shared map
+  Pose3 T_session_camera;      ///< valid when kTracking
+  int num_matches = 0;         ///< map points matched after pose optimisation
+  uint32_t fragment = 0;       ///< that the frame was tracked or lost in; names the frame `session` of the pose
+  bool on_shared_map = false;  ///< the pose comes from the shared map
+  /// With which the shared map was received, when on_shared_map: T_map_session * T_session_camera is the pose in the
+  /// map.
+  std::optional<Pose3> T_map_session;
+  /// Takes out the steps that poses make where the tracker takes over a shared map: T_odometry_session *
+  /// T_session_camera goes on without a jump, drift and all, for as long as tracking is not lost. Begins as identity in
+  /// each fragment.
+  Pose3 T_odometry_session;
   int num_shared_matches = 0;      ///< when a shared map was in use for this frame, also where it failed
   uint32_t shared_map_number = 0;  ///< 0: no shared map was in use
   bool is_keyframe = false;
@@ -71,6 +78,8 @@ struct TrackingResult {
   bool would_be_keyframe = false;
   double tracking_ms = 0;      ///< this call, extraction included
   double tracking_cpu_ms = 0;  ///< CPU time of the calling thread in this call
+  /// Of these, what making features of the images took: the same wherever the pose comes from.
+  double extraction_cpu_ms = 0;
 };
 
 /// Pose of a frame, as it is now after all corrections to its reference keyframe.

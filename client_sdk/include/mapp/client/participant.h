@@ -26,6 +26,15 @@ enum class UploadPolicy {
 /// What redundancy injection keeps of the redundant points (DESIGN 6).
 enum class Injection { kOften, kNone, kRandom };
 
+/// Tiles that a device keeps beyond its sessions, so that what it was sent once is not sent again. Each is checked
+/// against the map, by checksum, before it is used; one that is damaged, or of another format, is removed and fetched
+/// anew. Devices may share a folder.
+struct TileCacheOptions {
+  std::string folder;  ///< made when it is not there; empty: no cache
+  /// Of all maps in the folder; beyond it tiles used least lately go. A tile is some 10 to 500 KB. At least 1 MB.
+  uint64_t max_bytes = uint64_t{256} << 20;
+};
+
 struct ParticipantOptions {
   std::string map_name;
   std::string device = "device";
@@ -46,6 +55,13 @@ struct ParticipantOptions {
   double min_seen_by_others = 0.5;
   double oversharing = 1.3;      ///< alpha; range [1, 4]
   int max_shared_map_tries = 2;  ///< f of algorithm 1
+  /// A shared map reaches so far ahead along the device's way, straight on and where earlier sessions went on from
+  /// here, metres; 0: it is what the view shows and no more. Range [0, 100]. Source: docs/decisions/0019.
+  double look_ahead_m = 10;
+  /// What one shared map may bring in tiles, bytes, nearest first; the next brings more. 0: no limit, else at least
+  /// 65536. Less than the nearest tile takes is no map: the device goes on mapping for itself.
+  uint64_t max_shared_map_bytes = 0;
+  TileCacheOptions tile_cache = {};
   /// Keyframes waiting for the server; beyond it the oldest is dropped and counted.
   size_t max_queued_keyframes = 200;
   Status Validate() const;
@@ -70,6 +86,7 @@ struct ParticipantLatency {
   LatencySummary redundancy_control;  ///< the device's own count and what it then removes; no network
   LatencySummary keyframe_upload;     ///< to the acknowledgement
   LatencySummary shared_map;          ///< from the request to the last byte, decoded
+  LatencySummary first_shared_tile;   ///< to the first tile, decoded, of those that brought any
   LatencySummary update_report;
 };
 
@@ -89,6 +106,7 @@ struct ParticipantStats {
   KeyframeTotals full;  ///< what upload_all would have sent for the keyframes handed in
   uint64_t num_sharing_failures = 0;
   uint64_t num_update_reports = 0;
+  uint64_t num_cached_tiles = 0;  ///< of shared maps, taken from TileCacheOptions::folder instead of the server
   TrafficCounters traffic;
   ParticipantLatency latency;
   double network_cpu_s = 0;  ///< CPU time of the network thread: coding, counting, redundancy control
@@ -119,7 +137,8 @@ class Participant {
  public:
   /// Opens the session. `adapter` must outlive the participant and may be null with kUploadAll.
   /// Waits until the server tells of the session's events, so that none is missed. UNAVAILABLE, DEADLINE_EXCEEDED: the
-  /// server cannot be reached. FAILED_PRECONDITION: the map was made with other feature settings.
+  /// server cannot be reached. FAILED_PRECONDITION: the map was made with other feature settings, or the tile cache's
+  /// folder cannot be made or written; later troubles with that only cost its use, and are told in `last_error`.
   static StatusOr<std::unique_ptr<Participant>> Open(const MapClientOptions& client_options,
                                                      const ParticipantOptions& options, const Camera& camera,
                                                      SensorKind sensor, SlamAdapter* adapter);

@@ -16,4 +16,13 @@ std::string EncodeTile(const Tile& tile);
 /// DATA_LOSS when magic, version, length or checksum do not agree, or a field is out of range.
 StatusOr<Tile> DecodeTile(std::string_view bytes);
 
+/// Which tile the bytes are, without its points.
+struct TileHeader {
+  TileKey key;
+  double edge_m = kDefaultTileEdgeM;
+  Revision revision;
+};
+/// DATA_LOSS as DecodeTile, but for what is wrong among frames and points though the checksum agrees.
+StatusOr<TileHeader> DecodeTileHeader(std::string_view bytes);
+
 }  // namespace mapp

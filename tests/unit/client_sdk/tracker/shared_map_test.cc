@@ -5,6 +5,7 @@
 
 #include <algorithm>
 #include <memory>
+#include <optional>
 
 namespace mapp {
 namespace {
@@ -95,6 +96,29 @@ TEST_F(SharedMapTest, StepsOntoAMapThatIsOffByTheAlignmentsError) {
     // Nothing of the device's own map pulls the pose back.
     EXPECT_LT(Distance(result.T_session_camera, T_session_map * TruePose(i)), kPoseToleranceM) << "frame " << i;
   }
+}
+
+TEST_F(SharedMapTest, OdometryGoesOnSmoothlyOntoASharedMapAndOffIt) {
+  const Pose3 T_session_map(Eigen::Quaterniond(Eigen::AngleAxisd(0.02, Eigen::Vector3d::UnitY())), {0.06, -0.03, 0.05});
+  // Frame to frame, well below the step of 8 cm.
+  constexpr double kSmoothM = 0.015;
+  std::optional<Pose3> T_odometry_last;
+  bool has_stepped = false;
+  for (size_t i = 0; i < 14; ++i) {
+    if (i == 4) tracker_->TakeSharedMap(MapMovedBy(T_session_map, 1));
+    if (i == 10) tracker_->LeaveSharedMap();
+    const TrackingResult result = Track(i);
+    ASSERT_EQ(result.state, TrackingState::kTracking);
+    EXPECT_EQ(result.T_map_session.has_value(), result.on_shared_map);
+    const Pose3 T_odometry_camera = result.T_odometry_session * result.T_session_camera;
+    if (T_odometry_last) {
+      const Pose3 T_last_camera = T_odometry_last->Inverse() * T_odometry_camera;
+      EXPECT_LT(Distance(T_last_camera, TruePose(i - 1).Inverse() * TruePose(i)), kSmoothM) << "frame " << i;
+    }
+    T_odometry_last = T_odometry_camera;
+    has_stepped |= Distance(result.T_odometry_session, Pose3()) > 0.05;
+  }
+  EXPECT_TRUE(has_stepped) << "the step is in T_odometry_session";
 }
 
 TEST_F(SharedMapTest, MapsOnAmongTheServersPointsAfterLeaving) {

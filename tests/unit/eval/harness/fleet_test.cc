@@ -1,5 +1,6 @@
 #include "eval/harness/fleet.h"
 
+#include <fmt/format.h>
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
@@ -15,7 +16,7 @@ TEST(FleetTest, PoliciesBecomeOptionsOfReplay) {
   EXPECT_THAT(ReplayArguments(PolicyNamed("upload_all").participation), ElementsAre("--policy", "upload_all"));
   EXPECT_THAT(ReplayArguments(PolicyNamed("no_sharing").participation),
               ElementsAre("--policy", "map", "--sampler", "depth_sketch", "--injection", "often", "--sharing", "off",
-                          "--alpha", "1.3"));
+                          "--alpha", "1.3", "--look-ahead", fmt::format("{}", ParticipantOptions().look_ahead_m)));
   EXPECT_THAT(ReplayArguments(PolicyNamed("random_injection").participation),
               testing::IsSupersetOf({"--injection", "random"}));
 }
@@ -29,7 +30,8 @@ TEST(FleetTest, WhatDiffersHasAnotherKey) {
            [](FleetSpec& s) { s.concurrent = true; }, [](FleetSpec& s) { s.reconstruct = true; },
            [](FleetSpec& s) { s.world.seed = 5; }, [](FleetSpec& s) { s.world.num_routes = 1; },
            [](FleetSpec& s) { s.world.max_duration_s = 3; }, [](FleetSpec& s) { s.world.path_m = 61; },
-           [](FleetSpec& s) { s.world.cameras = {"euroc"}; }, [](FleetSpec& s) { s.devices.pop_back(); }}) {
+           [](FleetSpec& s) { s.devices[0].tile_cache = "one"; }, [](FleetSpec& s) { s.world.cameras = {"euroc"}; },
+           [](FleetSpec& s) { s.devices.pop_back(); }}) {
     FleetSpec other = spec;
     change(other);
     EXPECT_NE(other.Key(), spec.Key());
