@@ -24,7 +24,8 @@ class ThingCourse {
   ThingCourse(std::vector<ThingVisit> visits, const DerivationOptions& options)
       : options_(options), visits_(std::move(visits)) {}
 
-  /// Calls `visit(ChangeRecord)` for everything that happened to it; boxes and points are left to the caller.
+  /// Calls `visit(ChangeRecord, EventTime)` for everything that happened to it; boxes and points are left to the
+  /// caller.
   template <typename Visit>
   void ForEachChange(const Visit& visit) const {
     std::vector<PresenceEvidence> evidence;
@@ -45,11 +46,12 @@ class ThingCourse {
       change.first_seen_ns = visits_[first].evidence.time_ns;
       change.last_seen_ns = visits_[last].evidence.time_ns;
       const auto [other_first, other_last] = StayAround(posterior, vanished ? i + 1 : i);
-      for (size_t k = std::min(first, other_first); k <= std::max(last, other_last); ++k) {
-        change.sessions.push_back(visits_[k].session);
-      }
+      const size_t begin = std::min(first, other_first), end = std::max(last, other_last);
+      for (size_t k = begin; k <= end; ++k) change.sessions.push_back(visits_[k].session);
+      const EventTime time{visits_[begin].evidence.time_ns, change.after_ns, change.before_ns,
+                           visits_[end].evidence.time_ns};
       std::ranges::sort(change.sessions);
-      if (change.confidence >= options_.min_confidence) visit(std::move(change));
+      if (change.confidence >= options_.min_confidence) visit(std::move(change), time);
     }
   }
 
@@ -77,6 +79,7 @@ struct PartPoint {
 /// A change with the positions that its box is drawn around.
 struct Part {
   ChangeRecord change;
+  EventTime time;
   size_t group = 0;
   std::vector<PartPoint> points;
 };
@@ -103,6 +106,8 @@ void Absorb(Part& into, Part&& part) {
   std::vector<SessionId> sessions;
   std::ranges::set_union(change.sessions, part.change.sessions, std::back_inserter(sessions));
   change.sessions = std::move(sessions);
+  into.time = {std::max(into.time.since_ns, part.time.since_ns), change.after_ns, change.before_ns,
+               std::min(into.time.until_ns, part.time.until_ns)};
   into.points.insert(into.points.end(), part.points.begin(), part.points.end());
 }
 
@@ -139,8 +144,7 @@ StatusOr<std::optional<ChangeRecord>> Finish(Part part, const Eigen::Vector3d& u
   ChangeRecord change = std::move(part.change);
   const OrientedBox seen_box = UprightBox(positions, up_map, options.stray_share, options.min_side_m);
   if (seen_box.size_m.z() < options.min_height_m) return std::nullopt;
-  MAPP_ASSIGN_OR_RETURN(const PlaceCount of_seen,
-                        places.Count(seen_box, options.place_margin_m, change.after_ns, change.before_ns));
+  MAPP_ASSIGN_OR_RETURN(const PlaceCount of_seen, places.Count(seen_box, options.place_margin_m, part.time));
   const auto num_stayed = static_cast<double>(of_seen.num_stayed);
   if (num_stayed > options.max_stayed_share * (num_stayed + static_cast<double>(ids.size()))) return std::nullopt;
   const OrientedBox box = WithHiddenPart(seen_box, view_map);
@@ -151,8 +155,7 @@ StatusOr<std::optional<ChangeRecord>> Finish(Part part, const Eigen::Vector3d& u
   }
   change.box_before = box;
   // What else was there has gone with it, though no view has looked through it since.
-  MAPP_ASSIGN_OR_RETURN(const PlaceCount of_all,
-                        places.Count(box, options.place_margin_m, change.after_ns, change.before_ns));
+  MAPP_ASSIGN_OR_RETURN(const PlaceCount of_all, places.Count(box, options.place_margin_m, part.time));
   std::ranges::set_union(ids, of_all.untold, std::back_inserter(change.points_before));
   return change;
 }
@@ -203,9 +206,9 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
     }
     MAPP_ASSIGN_OR_RETURN(std::vector<ThingVisit> of_sessions,
                           VisitsOfThing(points, of_thing, opened_ns, maker, options.visits));
-    ThingCourse(std::move(of_sessions), options).ForEachChange([&](ChangeRecord change) {
+    ThingCourse(std::move(of_sessions), options).ForEachChange([&](ChangeRecord change, const EventTime& time) {
       change.map = map;
-      Part part{std::move(change), thing.group, {}};
+      Part part{std::move(change), time, thing.group, {}};
       for (size_t i = 0; i < points.ids.size(); ++i)
         part.points.push_back({points.ids[i], points.p_map[i], points.directions[i]});
       parts.push_back(std::move(part));

@@ -25,7 +25,7 @@ struct DerivationOptions {
   /// point.
   size_t min_views_of_one_visit = 2;
   /// Boxes: share of a thing's points at either end that are taken for strays, and the least length of a side.
-  double stray_share = 0.08;
+  double stray_share = 0.05;
   double min_side_m = 0.05;
   /// What is lower than this is taken for a patch of floor or ceiling: seen at a flat angle, they come and go.
   double min_height_m = 0.6;

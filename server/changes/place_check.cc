@@ -26,12 +26,14 @@ PlaceCheck::PlaceCheck(FindingsMaker& maker, std::span<const SessionFindings> fi
   std::ranges::sort(by_time_);
 }
 
-StatusOr<PlaceCount> PlaceCheck::Count(const OrientedBox& box_map, double margin_m, int64_t after_ns,
-                                       int64_t before_ns) const {
-  const auto end_before = std::ranges::upper_bound(by_time_, after_ns, {}, [](const auto& one) { return one.first; });
-  const auto begin_after = std::ranges::lower_bound(by_time_, before_ns, {}, [](const auto& one) { return one.first; });
-  const auto num_before = std::min<std::ptrdiff_t>(kMaxSessions, end_before - by_time_.begin());
-  const auto num_after = std::min<std::ptrdiff_t>(kMaxSessions, by_time_.end() - begin_after);
+StatusOr<PlaceCount> PlaceCheck::Count(const OrientedBox& box_map, double margin_m, const EventTime& time) const {
+  const auto opened = [](const auto& one) { return one.first; };
+  const auto begin_before = std::ranges::lower_bound(by_time_, time.since_ns, {}, opened);
+  const auto end_before = std::ranges::upper_bound(by_time_, time.after_ns, {}, opened);
+  const auto begin_after = std::ranges::lower_bound(by_time_, time.before_ns, {}, opened);
+  const auto end_after = std::ranges::upper_bound(by_time_, time.until_ns, {}, opened);
+  const auto num_before = std::min<std::ptrdiff_t>(kMaxSessions, end_before - begin_before);
+  const auto num_after = std::min<std::ptrdiff_t>(kMaxSessions, end_after - begin_after);
   const auto seen_by = [](auto first, std::ptrdiff_t num, MapPointId point) {
     return std::any_of(first, first + num, [&](const auto& one) { return HasSeen(*one.second, point); });
   };

@@ -12,7 +12,14 @@
 
 namespace mapp {
 
-/// What the map's other points say of the place where a thing is said to have come or gone.
+/// When a thing came or went, by openings of sessions, Unix time.
+struct EventTime {
+  int64_t since_ns = 0;                 ///< it had been as before since then,
+  int64_t after_ns = 0, before_ns = 0;  ///< it changed between these,
+  int64_t until_ns = 0;                 ///< and stayed so until then
+};
+
+/// What the map's points say of the place where a thing is said to have come or gone.
 struct PlaceCount {
   size_t num_stayed = 0;           ///< points that were seen there both before and after
   std::vector<MapPointId> untold;  ///< seen before, and by nobody after: by id
@@ -24,9 +31,9 @@ class PlaceCheck {
   PlaceCheck(FindingsMaker& maker, std::span<const SessionFindings> findings,
              const std::map<SessionId, int64_t>& opened_ns);
 
-  /// Of the points in `box_map`, made larger by `margin_m`. The event was between the openings of two sessions; some of
-  /// those before and after, the nearest first, are asked.
-  StatusOr<PlaceCount> Count(const OrientedBox& box_map, double margin_m, int64_t after_ns, int64_t before_ns) const;
+  /// Of the points in `box_map`, made larger by `margin_m`: the nearest of the sessions before the event and after it
+  /// are asked.
+  StatusOr<PlaceCount> Count(const OrientedBox& box_map, double margin_m, const EventTime& time) const;
 
  private:
   FindingsMaker& maker_;

@@ -14,14 +14,15 @@ namespace mapp {
 Eigen::Vector3d UpDirection(std::span<const FrameRecord> frames);
 
 /// The smallest box with one axis along `up_map` around the points but for strays: of each direction the share
-/// `stray_share` at either end is left out (and a side is made longer by what an even spread has lost so). Sides are at least `min_side_m` long. Requires points.
+/// `stray_share` at either end is left out (and a side is made longer by what an even spread has lost so). Sides are at
+/// least `min_side_m` long. Requires points.
 OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3d& up_map, double stray_share,
                        double min_side_m);
 
 /// The box made deeper along its shorter side on the ground, away from who looks along `view_map` (mean of the unit
 /// vectors from cameras to points): of a thing seen from one side the far part shows no points. Things are taken to be
-/// about half as deep again as they are wide or, when they are long, high (a car seen from the front, from the side, a
-/// box). A box that is as deep as that already, or was seen from all around, stays.
+/// half as deep again as they are wide or, when they are long, high (cars, shelves, boxes). A box that is as deep as that
+/// already, or was seen from all around, stays.
 OrientedBox WithHiddenPart(const OrientedBox& box_map, const Eigen::Vector3d& view_map);
 
 }  // namespace mapp

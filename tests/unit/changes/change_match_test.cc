@@ -27,8 +27,7 @@ ChangeRecord Stored(uint64_t id, ChangeStatus status, ChangeRecord change) {
 }
 
 TEST(ChangeMatchTest, ProposalsTakeOverWhatIsKnownNow) {
-  const ChangeRecord stored[] = {
-      Stored(3, ChangeStatus::kProposed, Vanished(0, 100, {MapPointId(1), MapPointId(2)}))};
+  const ChangeRecord stored[] = {Stored(3, ChangeStatus::kProposed, Vanished(0, 100, {MapPointId(1), MapPointId(2)}))};
   ChangeRecord found = Vanished(0.1, 100, {MapPointId(1), MapPointId(2), MapPointId(5)});
   found.confidence = 0.99;
   const ChangeUpdate update = MatchChanges(stored, {found}, kEver, kNow);

@@ -53,10 +53,10 @@ TEST(PointHistoryTest, WhoPassesDoesNotStay) {
 TEST(PointHistoryTest, NeverSeenIsNothing) { EXPECT_EQ(Course("mmmmm"), ""); }
 
 TEST(PointHistoryTest, OnlyMissedPointsHaveHistories) {
-  SessionFindings first{.session = SessionId(1), .frames = {}, .own = {{MapPointId(1), 3, 0}, {MapPointId(2), 3, 0}},
-                        .earlier = {}};
-  SessionFindings second{.session = SessionId(2), .frames = {}, .own = {{MapPointId(1), 0, 4}, {MapPointId(2), 2, 0}},
-                         .earlier = {}};
+  SessionFindings first{
+      .session = SessionId(1), .frames = {}, .own = {{MapPointId(1), 3, 0}, {MapPointId(2), 3, 0}}, .earlier = {}};
+  SessionFindings second{
+      .session = SessionId(2), .frames = {}, .own = {{MapPointId(1), 0, 4}, {MapPointId(2), 2, 0}}, .earlier = {}};
   second.earlier[SessionId(1)] = {{MapPointId(3), 0, 2}};
   const SessionFindings findings[] = {first, second};
   const std::vector<PointHistory> histories = HistoriesOfMissed(findings);
@@ -69,10 +69,11 @@ TEST(PointHistoryTest, OnlyMissedPointsHaveHistories) {
 }
 
 TEST(FindingsCodecTest, GivesBackWhatWasPutIn) {
-  SessionFindings findings{.session = SessionId(7),
-                           .frames = {{FrameId(3), Pose3::Exp((Eigen::Matrix<double, 6, 1>() << 1, 2, 3, .1, .2, .3).finished())}},
-                           .own = {{MapPointId(5), 1, 0}, {MapPointId(900), 65535, 2}},
-                           .earlier = {{SessionId(2), {{MapPointId(4), 0, 9}}}}};
+  SessionFindings findings{
+      .session = SessionId(7),
+      .frames = {{FrameId(3), Pose3::Exp((Eigen::Matrix<double, 6, 1>() << 1, 2, 3, .1, .2, .3).finished())}},
+      .own = {{MapPointId(5), 1, 0}, {MapPointId(900), 65535, 2}},
+      .earlier = {{SessionId(2), {{MapPointId(4), 0, 9}}}}};
   const std::string bytes = EncodeFindings(findings);
   const StatusOr<SessionFindings> back = DecodeFindings(bytes);
   ASSERT_TRUE(back.ok()) << back.status();

@@ -47,7 +47,7 @@ TEST(ThingGroupsTest, ThingsApartAreThings) {
   const std::vector<ChangedThing> things = GroupThings(courses, p_map, kUpOfMap, {});
   std::multiset<size_t> sizes;
   for (const ChangedThing& thing : things) sizes.insert(thing.points.size());
-  EXPECT_EQ(sizes, (std::multiset<size_t>{60, 100, 200}));
+  EXPECT_EQ(sizes, (std::multiset<size_t>{60, 97, 200}));
 }
 
 TEST(ThingGroupsTest, NeighboursWithStrayPointsBetweenThemAreTwo) {

@@ -34,8 +34,10 @@ TEST(UprightBoxTest, NoSideIsWithoutLength) {
 
 TEST(UprightBoxTest, UpIsAgainstTheCamerasDownwardAxes) {
   std::vector<FrameRecord> frames(2);
-  frames[0].T_frame_camera = Pose3(Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero());
-  frames[1].T_frame_camera = Pose3(Eigen::Quaterniond(Eigen::AngleAxisd(-0.3, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero());
+  frames[0].T_frame_camera =
+      Pose3(Eigen::Quaterniond(Eigen::AngleAxisd(0.3, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero());
+  frames[1].T_frame_camera =
+      Pose3(Eigen::Quaterniond(Eigen::AngleAxisd(-0.3, Eigen::Vector3d::UnitX())), Eigen::Vector3d::Zero());
   EXPECT_LT((UpDirection(frames) - kUp).norm(), 1e-9);
   EXPECT_EQ(UpDirection({}), kUp);
 }
@@ -44,8 +46,8 @@ TEST(UprightBoxTest, AThingSeenFromOneSideReachesAway) {
   const OrientedBox face{Pose3(Eigen::Quaterniond::Identity(), {0, -0.7, 5}), {1.8, 1.4, 0.4}};
   // Sides in UprightBox's order: two on the ground, then the height.
   OrientedBox upright = face;
-  upright.T_frame_box = Pose3(
-      Eigen::Quaterniond((Eigen::Matrix3d() << 1, 0, 0, 0, 0, -1, 0, 1, 0).finished()), face.T_frame_box.translation());
+  upright.T_frame_box = Pose3(Eigen::Quaterniond((Eigen::Matrix3d() << 1, 0, 0, 0, 0, -1, 0, 1, 0).finished()),
+                              face.T_frame_box.translation());
   upright.size_m = {1.8, 0.4, 1.4};
   const OrientedBox whole = WithHiddenPart(upright, {0, 0, 1});
   EXPECT_GT(whole.size_m.y(), 2);

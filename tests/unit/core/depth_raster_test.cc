@@ -11,7 +11,9 @@
 namespace mapp {
 namespace {
 
-Camera RasterCamera() { return {.projection = PinholeCamera{525, 525, 319.5, 239.5}, .width_px = 640, .height_px = 480}; }
+Camera RasterCamera() {
+  return {.projection = PinholeCamera{525, 525, 319.5, 239.5}, .width_px = 640, .height_px = 480};
+}
 
 TEST(DepthRasterTest, KeepsTheNearestOfEachSquare) {
   const Camera camera = RasterCamera();

@@ -148,15 +148,16 @@ class QuarantineTest : public ServiceFixture {
   }
 
   /// A session that has come to the map as honest ones do.
-  SessionId OpenAligned() {
+  SessionId OpenAligned() { return OpenAligned(world_); }
+  SessionId OpenAligned(const SyntheticWorld& world) {
     const SessionId session = Open();
     SessionLog log(*service_, session);
     for (uint32_t i = 0; i < 4; ++i) {
-      MustUpload(world_, SyntheticWorld::Stand(0.2 * i, -0.5, 0.15 * i), session, i, kFirstPoint);
+      MustUpload(world, SyntheticWorld::Stand(0.2 * i, -0.5, 0.15 * i), session, i, kFirstPoint);
     }
     EXPECT_TRUE(log.WaitFor<SessionAligned>());
     // And the map has vouched for it since.
-    MustUpload(world_, SyntheticWorld::Stand(0.6, -0.4, 0.5), session, 4, kFirstPoint);
+    MustUpload(world, SyntheticWorld::Stand(0.6, -0.4, 0.5), session, 4, kFirstPoint);
     return session;
   }
 
