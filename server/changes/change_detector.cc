@@ -220,6 +220,7 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
     MAPP_ASSIGN_OR_RETURN(std::optional<ChangeRecord> change, Finish(std::move(part), up_map, places, options));
     if (change) changes.push_back(*std::move(change));
   }
+  MAPP_ASSIGN_OR_RETURN(changes, PairMoved(reader, JoinInside(std::move(changes)), options.pairing));
   std::ranges::stable_sort(changes, {}, &ChangeRecord::before_ns);
   return changes;
 }

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "server/changes/change_pairing.h"
 #include "server/changes/presence.h"
 #include "server/changes/session_findings.h"
 #include "server/changes/thing_groups.h"
@@ -21,11 +22,12 @@ struct DerivationOptions {
   /// Less likely changes are left out.
   double min_confidence = 0.5;
   ThingVisitOptions visits;
+  PairingOptions pairing;
   /// What one visit alone has seen is a thing, and not somebody who passed, when so many of its views saw the median
   /// point.
   size_t min_views_of_one_visit = 2;
   /// Boxes: share of a thing's points at either end that are taken for strays, and the least length of a side.
-  double stray_share = 0.05;
+  double stray_share = 0.06;
   double min_side_m = 0.05;
   /// What is lower than this is taken for a patch of floor or ceiling: seen at a flat angle, they come and go.
   double min_height_m = 0.6;

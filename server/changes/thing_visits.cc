@@ -1,9 +1,7 @@
 #include "server/changes/thing_visits.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
-#include <cstdlib>
+#include <optional>
 
 namespace mapp {
 namespace {
@@ -65,6 +63,25 @@ StatusOr<Looked> Look(const ThingPoints& points, SessionId session, FindingsMake
   return all;
 }
 
+PresenceEvidence EvidenceOfRays(const Looked& looked, double greatest_density, const ThingVisitOptions& options) {
+  const double num_expected = looked.NumExpected(options.least_density_share * greatest_density);
+  const double num_missed = std::max({0.0, looked.num_passed, num_expected - looked.num_hits});
+  const double share =
+      options.independent_views / std::max(options.independent_views, static_cast<double>(looked.num_views));
+  return {looked.time_ns, share * looked.num_hits, share * num_missed};
+}
+
+/// nullopt: points and rays contradict each other, so that the visit tells nothing.
+std::optional<PresenceEvidence> Combine(const PresenceEvidence& of_rays, const PointCounts& of_points,
+                                        size_t num_points, const ThingVisitOptions& options) {
+  if (of_points.num_judged() < options.telling_share * static_cast<double>(num_points)) return of_rays;
+  const bool points_seen = of_points.num_seen > of_points.num_missed;
+  if (points_seen != (of_rays.num_seen > of_rays.num_missed)) return std::nullopt;
+  const double weight = 0.5 * options.point_weight;
+  return PresenceEvidence{of_rays.time_ns, 0.5 * of_rays.num_seen + weight * static_cast<double>(of_points.num_seen),
+                          0.5 * of_rays.num_missed + weight * static_cast<double>(of_points.num_missed)};
+}
+
 }  // namespace
 
 Aabb ThingPoints::BoxMap() const {
@@ -93,27 +110,11 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
   std::vector<ThingVisit> visits;
   for (const Looked& one : looked) {
     if (one.num_views == 0) continue;
-    const double expected = one.NumExpected(options.least_density_share * greatest_density);
-    const double missed = std::max({0.0, one.num_passed, expected - one.num_hits});
-    const double share =
-        options.independent_views / std::max(options.independent_views, static_cast<double>(one.num_views));
-    PresenceEvidence evidence{one.time_ns, share * one.num_hits, share * missed};
-    const PointCounts& of_points = counts.at(one.session);
-    if (of_points.num_judged() >= 0.2 * static_cast<double>(histories.size()) && of_points.num_judged() >= 8) {
-      const double num_seen = 0.25 * static_cast<double>(of_points.num_seen);
-      const double num_missed = 0.25 * static_cast<double>(of_points.num_missed);
-      if ((num_seen > num_missed) != (evidence.num_seen > evidence.num_missed)) continue;
-      evidence.num_seen = 0.5 * (evidence.num_seen + num_seen);
-      evidence.num_missed = 0.5 * (evidence.num_missed + num_missed);
-    }
-    if (evidence.num_seen + evidence.num_missed >= least) visits.push_back({one.session, evidence, one.num_that_saw});
-    if (std::getenv("DEBUG_THINGS"))
-      fmt::print(stderr, " {}:{:.0f}/{:.0f}({})", one.session.value(), evidence.num_seen, evidence.num_missed,
-                 one.num_passed);
+    const PresenceEvidence of_rays = EvidenceOfRays(one, greatest_density, options);
+    const auto evidence = Combine(of_rays, counts.at(one.session), histories.size(), options);
+    if (!evidence || evidence->num_seen + evidence->num_missed < least) continue;
+    visits.push_back({one.session, *evidence, one.num_that_saw});
   }
-  if (std::getenv("DEBUG_THINGS"))
-    fmt::print(stderr, " thing of {} at {:.1f} {:.1f} {:.1f}\n", points.ids.size(), points.p_map[0].x(),
-               points.p_map[0].y(), points.p_map[0].z());
   std::ranges::stable_sort(visits, {}, [](const ThingVisit& visit) { return visit.evidence.time_ns; });
   return visits;
 }

@@ -34,6 +34,10 @@ struct ThingVisitOptions {
   /// A thing that is there brings about this share at least of the own points, for its size in the image, that it did
   /// in the visit that saw it best.
   double least_density_share = 0.7;
+  /// Where a session has judged this share of the thing's points, what it says of them counts as well, a point as so
+  /// many rays: rays go wrong where something stands close behind, points where surfaces are seen at a flat angle.
+  double telling_share = 0.2;
+  double point_weight = 0.25;
 };
 
 /// What one session says of a thing.
@@ -47,7 +51,8 @@ struct ThingVisit {
 /// sessions were opened; `opened_ns` has those that are asked.
 ///
 /// Missed is what went on beyond the thing, or, where nothing lies beyond that can be measured, what should have been
-/// measured of the thing and was not. Partial frames do not tell of either.
+/// measured of the thing and was not. Partial frames without a raster do not tell of either. Visits whose points say
+/// the opposite are left out.
 StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
                                                 std::span<const PointHistory* const> histories,
                                                 const std::map<SessionId, int64_t>& opened_ns, FindingsMaker& maker,

@@ -21,8 +21,8 @@ OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vect
 
 /// The box made deeper along its shorter side on the ground, away from who looks along `view_map` (mean of the unit
 /// vectors from cameras to points): of a thing seen from one side the far part shows no points. Things are taken to be
-/// half as deep again as they are wide or, when they are long, high (cars, shelves, boxes). A box that is as deep as that
-/// already, or was seen from all around, stays.
+/// half as deep again as they are wide or, when they are long, high (cars, shelves, boxes). A box that is as deep as
+/// that already, or was seen from all around, stays.
 OrientedBox WithHiddenPart(const OrientedBox& box_map, const Eigen::Vector3d& view_map);
 
 }  // namespace mapp

@@ -1,0 +1,30 @@
+#pragma once
+
+#include "mapp/base/status.h"
+#include "storage/records.h"
+
+#include <vector>
+
+namespace mapp {
+
+class MapReader;
+
+struct PairingOptions {
+  /// Descriptors this near to each other are of one place on a thing, bits of 256. Unlike ones are 128 apart, and the
+  /// nearest of a thousand of them some 90.
+  int max_distance_bits = 50;
+  /// A thing is known again by so many points, and this share of those that it shows at its new place.
+  size_t min_points = 8;
+  double min_share = 0.1;
+};
+
+/// Changes of which one may be a part of another, with the same kind and time, as one: a box whose centre lies in the
+/// other's is taken into it.
+std::vector<ChangeRecord> JoinInside(std::vector<ChangeRecord> changes);
+
+/// What vanished and appeared elsewhere at the same time, looking the same, has moved: one record for two, the surest
+/// pairs first.
+StatusOr<std::vector<ChangeRecord>> PairMoved(MapReader& reader, std::vector<ChangeRecord> changes,
+                                              const PairingOptions& options);
+
+}  // namespace mapp
