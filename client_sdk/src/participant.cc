@@ -126,7 +126,10 @@ StatusOr<std::unique_ptr<Participant>> Participant::Open(const MapClientOptions&
 Participant::Participant(std::unique_ptr<Impl> impl) : impl_(std::move(impl)) {}
 Participant::~Participant() = default;
 
-void Participant::OnKeyframe(Keyframe keyframe) { impl_->present()->OnKeyframe(std::move(keyframe)); }
+void Participant::OnKeyframe(Keyframe keyframe) {
+  if (!keyframe.raster) keyframe.raster = RasterOf(keyframe, impl_->setup.camera);
+  impl_->present()->OnKeyframe(std::move(keyframe));
+}
 
 void Participant::OnSharedMapFrame(const SharedMapFrame& frame,
                                    const std::function<std::optional<Keyframe>()>& last_keyframe) {

@@ -6,8 +6,6 @@
 #include "server/changes/upright_box.h"
 #include "storage/map_store.h"
 
-#include <fmt/format.h>
-
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -36,8 +34,8 @@ class ThingCourse {
       const bool vanished = posterior.likely[i];
       const auto [first, last] = StayAround(posterior, vanished ? i : i + 1);
       if (first == last && !IsStill(visits_[first])) continue;
-      // Seen once and gone: somebody passed, or something stood there for a moment.
-      if (first == last && first > 0 && last + 1 < visits_.size()) continue;
+      // Seen once and gone: somebody passed, or something stood there for a moment. Of two visits that cannot be told.
+      if (first == last && last + 1 < visits_.size() && visits_.size() > 2) continue;
       ChangeRecord change;
       change.kind = vanished ? ChangeKind::kVanished : ChangeKind::kAppeared;
       change.confidence = vanished ? posterior.vanished[i] : posterior.appeared[i];
@@ -64,7 +62,10 @@ class ThingCourse {
     return {first, last};
   }
 
-  bool IsStill(const ThingVisit& visit) const { return visit.num_views_that_saw >= options_.min_views_of_one_visit; }
+  bool IsStill(const ThingVisit& visit) const {
+    return visit.num_views_that_saw >= options_.min_views_of_one_visit &&
+           1e-9 * static_cast<double>(visit.seen_for_ns) >= options_.min_stay_of_one_visit_s;
+  }
 
   const DerivationOptions& options_;
   std::vector<ThingVisit> visits_;

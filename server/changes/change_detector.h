@@ -23,9 +23,10 @@ struct DerivationOptions {
   double min_confidence = 0.5;
   ThingVisitOptions visits;
   PairingOptions pairing;
-  /// What one visit alone has seen is a thing, and not somebody who passed, when so many of its views saw the median
-  /// point.
+  /// What one visit alone has seen is a thing, and not somebody who passed, when so many of its views saw it there,
+  /// over so long.
   size_t min_views_of_one_visit = 2;
+  double min_stay_of_one_visit_s = 0.5;
   /// Boxes: share of a thing's points at either end that are taken for strays, and the least length of a side.
   double stray_share = 0.06;
   double min_side_m = 0.05;

@@ -3,9 +3,12 @@
 #include "server/changes/neighbor_grid.h"
 
 #include <algorithm>
+#include <compare>
+#include <functional>
 #include <limits>
 #include <map>
 #include <numeric>
+#include <set>
 #include <utility>
 
 namespace mapp {
@@ -13,7 +16,7 @@ namespace {
 
 /// Of the sessions that found one of two points of one thing there (and of those that found one gone) at least so many
 /// say the same of the other.
-constexpr double kMinAgreement = 0.7;
+constexpr double kMinAgreement = 0.75;
 
 // Of SplitAtNecks: points that have so many neighbours within kDensityRadiusM as this share of the median are core
 // points; core points further apart than kCoreGapM belong to different parts, which hold a share of all points each.
@@ -22,6 +25,26 @@ constexpr float kDensityRadiusM = 0.25F;
 constexpr double kCoreDensity = 0.1;
 constexpr float kCoreGapM = 0.25F;
 constexpr size_t kLeastPart = 50;
+
+/// Whether hardly any session found only one of them there.
+bool Agree(const PointCourse& a, const PointCourse& b) {
+  size_t num_against = 0, num_there = 0, num_gone = 0;
+  auto left = a.visits.begin(), right = b.visits.begin();
+  while (left != a.visits.end() && right != b.visits.end()) {
+    if (left->session != right->session) {
+      ++(left->session < right->session ? left : right);
+      continue;
+    }
+    num_against += left->is_there != right->is_there ? 1 : 0;
+    num_there += left->is_there && right->is_there ? 1 : 0;
+    num_gone += !left->is_there && !right->is_there ? 1 : 0;
+    ++left, ++right;
+  }
+  const auto are_enough = [&](size_t num_alike) {
+    return static_cast<double>(num_alike) >= kMinAgreement * static_cast<double>(num_alike + num_against);
+  };
+  return num_gone > 0 && are_enough(num_gone) && are_enough(num_there);
+}
 
 class Forest {
  public:
@@ -39,26 +62,58 @@ class Forest {
   std::vector<size_t> parents_;
 };
 
+/// Something came (or went) before this session, and after the one before it.
+struct Event {
+  SessionId session;
+  bool came = false;
+  friend auto operator<=>(const Event&, const Event&) = default;
+};
+
+/// For each event, the points that may have come or gone by it.
+std::map<Event, std::vector<size_t>> PointsOfEvents(std::span<const PointCourse> courses) {
+  std::set<SessionId> sessions;
+  for (const PointCourse& course : courses) {
+    for (const PointCourse::Visit& visit : course.visits) sessions.insert(visit.session);
+  }
+  std::map<Event, std::vector<size_t>> events;
+  for (size_t i = 0; i < courses.size(); ++i) {
+    const std::vector<PointCourse::Visit>& visits = courses[i].visits;
+    for (size_t k = 0; k + 1 < visits.size(); ++k) {
+      if (visits[k].is_there == visits[k + 1].is_there) continue;
+      const auto end = sessions.upper_bound(visits[k + 1].session);
+      for (auto session = sessions.upper_bound(visits[k].session); session != end; ++session) {
+        events[{*session, visits[k + 1].is_there}].push_back(i);
+      }
+    }
+  }
+  return events;
+}
+
+/// Those of the points that hang together.
+std::vector<std::vector<size_t>> Linked(std::span<const PointCourse> courses, std::span<const Eigen::Vector3f> p_map,
+                                        const std::vector<size_t>& points, const GroupingOptions& options) {
+  std::vector<Eigen::Vector3f> positions;
+  for (const size_t i : points) positions.push_back(p_map[i]);
+  const NeighborGrid grid(positions, options.gap_m);
+  Forest forest(points.size());
+  for (size_t i = 0; i < points.size(); ++i) {
+    grid.VisitWithin(positions[i], [&](size_t k, float) {
+      if (k <= i || forest.RootOf(i) == forest.RootOf(k)) return;
+      if (TellTheSame(courses[points[i]], courses[points[k]])) forest.Join(i, k);
+    });
+  }
+  std::map<size_t, std::vector<size_t>> by_root;
+  for (size_t i = 0; i < points.size(); ++i) by_root[forest.RootOf(i)].push_back(points[i]);
+  std::vector<std::vector<size_t>> linked;
+  for (auto& [root, members] : by_root) {
+    if (members.size() >= options.min_points) linked.push_back(std::move(members));
+  }
+  return linked;
+}
+
 }  // namespace
 
-bool TellTheSame(const PointCourse& a, const PointCourse& b) {
-  size_t num_against = 0, num_there = 0, num_gone = 0;
-  auto left = a.visits.begin(), right = b.visits.begin();
-  while (left != a.visits.end() && right != b.visits.end()) {
-    if (left->session != right->session) {
-      ++(left->session < right->session ? left : right);
-      continue;
-    }
-    num_against += left->is_there != right->is_there ? 1 : 0;
-    num_there += left->is_there && right->is_there ? 1 : 0;
-    num_gone += !left->is_there && !right->is_there ? 1 : 0;
-    ++left, ++right;
-  }
-  const auto agree = [&](size_t num_alike) {
-    return static_cast<double>(num_alike) >= kMinAgreement * static_cast<double>(num_alike + num_against);
-  };
-  return num_gone > 0 && agree(num_gone) && agree(num_there);
-}
+bool TellTheSame(const PointCourse& a, const PointCourse& b) { return Agree(a, b); }
 
 std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_of_things_map,
                                               const Eigen::Vector3f& up_map) {
@@ -112,24 +167,28 @@ std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p
 
 std::vector<ChangedThing> GroupThings(std::span<const PointCourse> courses, std::span<const Eigen::Vector3f> p_map,
                                       const Eigen::Vector3f& up_map, const GroupingOptions& options) {
-  const NeighborGrid grid(p_map, options.gap_m);
-  Forest forest(courses.size());
-  for (size_t i = 0; i < courses.size(); ++i) {
-    grid.VisitWithin(p_map[i], [&](size_t j, float) {
-      if (j > i && forest.RootOf(i) != forest.RootOf(j) && TellTheSame(courses[i], courses[j])) forest.Join(i, j);
-    });
+  std::vector<std::vector<size_t>> candidates;
+  for (const auto& [event, points] : PointsOfEvents(courses)) {
+    for (std::vector<size_t>& candidate : Linked(courses, p_map, points, options)) {
+      candidates.push_back(std::move(candidate));
+    }
   }
-  std::map<size_t, ChangedThing> by_root;
-  for (size_t i = 0; i < courses.size(); ++i) by_root[forest.RootOf(i)].points.push_back(i);
+  // Where it cannot be told between which visits something happened, most of its points say when.
+  std::ranges::stable_sort(candidates, std::greater(), &std::vector<size_t>::size);
   std::vector<ChangedThing> things;
-  for (const auto& [root, thing] : by_root) {
+  std::vector<bool> is_taken(courses.size(), false);
+  for (size_t group = 0; group < candidates.size(); ++group) {
+    const std::vector<size_t>& points = candidates[group];
+    const auto num_taken = static_cast<size_t>(std::ranges::count_if(points, [&](size_t i) { return is_taken[i]; }));
+    if (2 * num_taken > points.size()) continue;
+    for (const size_t i : points) is_taken[i] = true;
     std::vector<Eigen::Vector3f> positions;
-    for (const size_t i : thing.points) positions.push_back(p_map[i]);
+    for (const size_t i : points) positions.push_back(p_map[i]);
     for (const std::vector<size_t>& part : SplitAtNecks(positions, up_map)) {
       if (part.size() < options.min_points) continue;
       ChangedThing& one = things.emplace_back();
-      one.group = root;
-      for (const size_t k : part) one.points.push_back(thing.points[k]);
+      one.group = group;
+      for (const size_t k : part) one.points.push_back(points[k]);
     }
   }
   return things;

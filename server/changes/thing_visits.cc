@@ -18,6 +18,7 @@ struct Looked {
   double num_hits = 0, num_passed = 0;
   double area = 0;  ///< of the outlines in all views
   size_t num_that_saw = 0;
+  int64_t first_saw_ns = 0, last_saw_ns = 0;
   struct View {
     double area = 0, num_blocked = 0;
   };
@@ -55,7 +56,11 @@ StatusOr<Looked> Look(const ThingPoints& points, SessionId session, FindingsMake
     ++all.num_views;
     all.area += sighting.outline_area;
     all.num_hits += static_cast<double>(sighting.num_hits);
-    all.num_that_saw += sighting.num_hits > sighting.num_passed ? 1 : 0;
+    if (sighting.num_hits > sighting.num_passed) {
+      all.first_saw_ns = all.num_that_saw == 0 ? view->stamp_ns : std::min(all.first_saw_ns, view->stamp_ns);
+      all.last_saw_ns = all.num_that_saw == 0 ? view->stamp_ns : std::max(all.last_saw_ns, view->stamp_ns);
+      ++all.num_that_saw;
+    }
     if (!view->complete) continue;
     all.num_passed += static_cast<double>(sighting.num_passed);
     all.complete_views.push_back({sighting.outline_area, static_cast<double>(sighting.num_blocked)});
@@ -113,7 +118,7 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
     const PresenceEvidence of_rays = EvidenceOfRays(one, greatest_density, options);
     const auto evidence = Combine(of_rays, counts.at(one.session), histories.size(), options);
     if (!evidence || evidence->num_seen + evidence->num_missed < least) continue;
-    visits.push_back({one.session, *evidence, one.num_that_saw});
+    visits.push_back({one.session, *evidence, one.num_that_saw, one.last_saw_ns - one.first_saw_ns});
   }
   std::ranges::stable_sort(visits, {}, [](const ThingVisit& visit) { return visit.evidence.time_ns; });
   return visits;

@@ -45,6 +45,7 @@ struct ThingVisit {
   SessionId session;
   PresenceEvidence evidence;
   size_t num_views_that_saw = 0;  ///< views more of whose rays ended at the thing than went beyond it
+  int64_t seen_for_ns = 0;        ///< from the first of them to the last
 };
 
 /// Asks the views of each session that has judged points of the thing (`histories`) where their rays ended. By when the

@@ -27,6 +27,7 @@ double GreatestSecant(const Camera& camera) {
 WitnessView::WitnessView(const FrameRecord& record, const Camera& with_camera, double with_range_m,
                          SeenGeometry with_geometry, bool is_complete)
     : frame(record.id),
+      stamp_ns(record.stamp_ns),
       T_map_camera(record.T_frame_camera),
       camera(with_camera),
       range_m(with_range_m),

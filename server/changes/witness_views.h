@@ -24,6 +24,7 @@ struct WitnessView {
               bool is_complete);
 
   FrameId frame;
+  int64_t stamp_ns = 0;  ///< by the device's clock
   Pose3 T_map_camera;
   Camera camera;
   double range_m = 0;  ///< h of the map

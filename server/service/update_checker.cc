@@ -1,6 +1,7 @@
 #include "server/service/update_checker.h"
 
 #include "mapp/view/sampler.h"
+#include "mapp/view/seen_geometry.h"
 #include "server/service/point_tree.h"
 #include "server/service/view_search.h"
 
@@ -16,65 +17,6 @@ namespace {
 /// Map points this near to the image border may have been cut off by pose error.
 constexpr double kImageMarginPx = 16;
 
-/// What one keyframe's own points say about places in its view.
-class OwnGeometry {
- public:
-  static StatusOr<std::optional<OwnGeometry>> Create(const ReportedKeyframe& reported, const UpdateOptions& options) {
-    std::vector<Eigen::Vector3f> p_camera;
-    for (const KeyframeFeature& feature : reported.keyframe.features) {
-      if (!feature.point) continue;
-      const Eigen::Vector2d pixel(feature.keypoint.u_px, feature.keypoint.v_px);
-      p_camera.push_back((feature.point->depth_m * reported.view.camera.Unproject(pixel)).cast<float>());
-    }
-    if (p_camera.empty()) return std::optional<OwnGeometry>();
-    std::vector<Eigen::Vector3f> scaled;
-    std::vector<Eigen::Vector3f> rays;
-    for (const Eigen::Vector3f& p : p_camera) {
-      scaled.push_back(ScaledCoordinates(p));
-      rays.emplace_back(p.x() / p.z(), p.y() / p.z(), 0);
-    }
-    MAPP_ASSIGN_OR_RETURN(PointTree scaled_tree, PointTree::Build(scaled));
-    MAPP_ASSIGN_OR_RETURN(PointTree ray_tree, PointTree::Build(rays));
-    return std::optional<OwnGeometry>(
-        OwnGeometry(std::move(p_camera), std::move(scaled_tree), std::move(ray_tree), options));
-  }
-
-  const std::vector<Eigen::Vector3f>& points() const { return p_camera_; }
-  float FarthestDepth() const {
-    float farthest = 0;
-    for (const Eigen::Vector3f& p : p_camera_) farthest = std::max(farthest, p.z());
-    return farthest;
-  }
-
-  bool HasPointNear(const Eigen::Vector3f& p_camera) const {
-    return scaled_tree_.AnyWithin(ScaledCoordinates(p_camera), options_->match_radius, [](size_t) { return true; });
-  }
-
-  /// Whether own points lie around the ray to the point, none of them before it and one of them beyond: then it would
-  /// have been seen.
-  bool IsRayFree(const Eigen::Vector3f& p_camera) const {
-    const Eigen::Vector3f ray(p_camera.x() / p_camera.z(), p_camera.y() / p_camera.z(), 0);
-    const float free_depth = options_->min_free_depth_ratio * p_camera.z();
-    const auto blocks = [&](size_t i) { return p_camera_[i].z() < free_depth; };
-    const auto lies_beyond = [&](size_t i) { return p_camera_[i].z() >= p_camera.z(); };
-    return !ray_tree_.AnyWithin(ray, options_->ray_radius, blocks) &&
-           ray_tree_.AnyWithin(ray, options_->ray_radius, lies_beyond);
-  }
-
- private:
-  OwnGeometry(std::vector<Eigen::Vector3f> p_camera, PointTree scaled_tree, PointTree ray_tree,
-              const UpdateOptions& options)
-      : p_camera_(std::move(p_camera)),
-        scaled_tree_(std::move(scaled_tree)),
-        ray_tree_(std::move(ray_tree)),
-        options_(&options) {}
-
-  std::vector<Eigen::Vector3f> p_camera_;
-  PointTree scaled_tree_;
-  PointTree ray_tree_;  // (x/z, y/z, 0)
-  const UpdateOptions* options_;
-};
-
 /// A map point that at least one keyframe should have seen.
 struct Judged {
   Eigen::Vector3f p_map;
@@ -86,15 +28,17 @@ class Comparison {
   explicit Comparison(const UpdateOptions& options) : options_(options) {}
 
   Status Add(TileCache& tiles, const ReportedKeyframe& reported) {
-    MAPP_ASSIGN_OR_RETURN(const std::optional<OwnGeometry> own, OwnGeometry::Create(reported, options_));
-    if (!own) return absl::OkStatus();
+    const SeenGeometry seen(OwnSurfacePoints(reported.keyframe, reported.view.camera), options_.sighting);
+    if (seen.points().empty()) return absl::OkStatus();
     ViewCone reach = reported.view.Cone();
     // A point beyond everything that was seen has no own point behind it.
-    reach.range_m = own->FarthestDepth() * std::sqrt(1 + MaxSquaredTangent(reported.view.camera));
+    reach.range_m = seen.farthest_depth_m() * std::sqrt(1 + MaxSquaredTangent(reported.view.camera));
     MAPP_ASSIGN_OR_RETURN(auto tiles_in_reach, tiles.TilesInBox(reported.view.map, reach.BoundingBox()));
     ViewSearch search(reported.view.Cone(), std::move(tiles_in_reach));
-    CountNew(*own, search);
-    JudgeMapPoints(reported.view, *own, search);
+    Keyframe features = reported.keyframe;
+    features.raster.reset();  // what it holds is too far to be new, or known
+    CountNew(OwnSurfacePoints(features, reported.view.camera), search);
+    JudgeMapPoints(reported.view, seen, search);
     return absl::OkStatus();
   }
 
@@ -129,13 +73,13 @@ class Comparison {
     return greatest;
   }
 
-  void CountNew(const OwnGeometry& own, ViewSearch& search) {
-    const std::vector<bool> held = search.AnyWithinScaled(own.points(), options_.match_radius);
+  void CountNew(const std::vector<Eigen::Vector3f>& own, ViewSearch& search) {
+    const std::vector<bool> held = search.AnyWithinScaled(own, options_.sighting.match_radius);
     num_new_ += static_cast<size_t>(std::count(held.begin(), held.end(), false));
-    num_own_ += own.points().size();
+    num_own_ += own.size();
   }
 
-  void JudgeMapPoints(const MapView& view, const OwnGeometry& own, const ViewSearch& search) {
+  void JudgeMapPoints(const MapView& view, const SeenGeometry& seen, const ViewSearch& search) {
     const Pose3 T_camera_map = view.T_map_camera.Inverse();
     const Eigen::Vector3f center = view.T_map_camera.translation().cast<float>();
     const double focal_px = view.camera.MeanFocalPx();
@@ -145,15 +89,15 @@ class Comparison {
           return;
         const Eigen::Vector3d p_camera = T_camera_map * point.p_map.cast<double>();
         if (p_camera.z() <= 0 || p_camera.z() > view.range_m || !InImage(view.camera, p_camera)) return;
-        Judge(point, p_camera.cast<float>(), own);
+        Judge(point, seen.At(p_camera.cast<float>()));
       });
     }
   }
 
-  void Judge(const LoadedPoint& point, const Eigen::Vector3f& p_camera, const OwnGeometry& own) {
-    if (own.HasPointNear(p_camera)) {
+  void Judge(const LoadedPoint& point, SurfaceSighting sighting) {
+    if (sighting == SurfaceSighting::kSeen) {
       judged_[point.id] = {point.p_map, true};
-    } else if (own.IsRayFree(p_camera)) {
+    } else if (sighting == SurfaceSighting::kMissed) {
       judged_.try_emplace(point.id, Judged{point.p_map, false});
     }
   }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "mapp/base/status.h"
+#include "mapp/view/seen_geometry.h"
 #include "server/service/overlap_assessor.h"
 #include "server/service/service_types.h"
 #include "server/service/tile_cache.h"
@@ -10,19 +11,12 @@
 
 namespace mapp {
 
-/// Thresholds of the geometric comparison. Lengths "in scaled coordinates" are shares of the depth (view/sampler.h).
+/// Thresholds of the geometric comparison.
 struct UpdateOptions {
   /// Map points below this probability of being there are no evidence.
   float min_confidence = 0.5F;
-  /// An own point within this radius of a map point, in scaled coordinates, shows that its surface is still there: 6 %
-  /// of the depth to the side, 12 % along the ray. Source: the least sampling radius of the OVERLAP study.
-  float match_radius = 0.06F;
-  /// Own points within this lateral share of the depth tell whether the ray to a map point is free or blocked (52 px at
-  /// a focal length of 525 px). Smaller leaves more points undecided, larger mixes surfaces.
-  float ray_radius = 0.1F;
-  /// A ray is blocked by an own point nearer than this share of the map point's depth, and free up to the depth of own
-  /// points beyond it.
-  float min_free_depth_ratio = 0.85F;
+  /// When a view shows that a place is free: rays that end before it hide it, a car before a wall removes no wall.
+  SightingOptions sighting;
   /// Neighbours of a missing point that are asked whether they are missing too (K of the paper), and how many must be.
   size_t num_neighbors = 8;
   double min_missing_neighbor_ratio = 0.6;

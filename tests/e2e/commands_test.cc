@@ -57,6 +57,8 @@ TEST_F(CommandsTest, AnswerInJson) {
            {"sessions", "show", "1"},
            {"server-info"},
            {"verify"},
+           {"changes", "detect", "--map", "place"},
+           {"changes", "list", "--map", "place"},
            {"compact", "--keep-revisions", "1", "--dry-run"},
            {"compact", "--keep-revisions", "1", "--yes"},
            {"export", "--map", "place", "--format", "ply", "--out", folder().File("place.ply")},

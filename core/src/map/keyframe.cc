@@ -36,6 +36,14 @@ Status ValidateFeature(const KeyframeFeature& feature, size_t idx, const Camera&
 
 }  // namespace
 
+DepthRaster RasterOf(const Keyframe& keyframe, const Camera& camera) {
+  DepthRasterizer rasterizer(camera);
+  for (const KeyframeFeature& feature : keyframe.features) {
+    if (feature.point) rasterizer.Add({feature.keypoint.u_px, feature.keypoint.v_px}, feature.point->depth_m);
+  }
+  return rasterizer.Finish();
+}
+
 Status Validate(const Keyframe& keyframe, const Camera& camera, const FeatureSettings& features) {
   if (!keyframe.T_frame_camera.IsFinite()) return absl::InvalidArgumentError("keyframe.pose: must be finite");
   const double farthest = keyframe.T_frame_camera.translation().cwiseAbs().maxCoeff();

@@ -53,6 +53,9 @@ struct Keyframe {
   std::optional<DepthRaster> raster;
 };
 
+/// The raster of the keyframe's own points: for trackers that know no more.
+DepthRaster RasterOf(const Keyframe& keyframe, const Camera& camera);
+
 /// Greatest coordinate a pose or point may have, metres (DESIGN 4).
 inline constexpr double kMaxCoordinateM = 1e6;
 /// A point's depth is less than this, metres.
