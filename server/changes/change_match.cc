@@ -24,7 +24,8 @@ bool AreOfOnePlace(const std::optional<OrientedBox>& a, const std::optional<Orie
 }  // namespace
 
 bool IsSameEvent(const ChangeRecord& a, const ChangeRecord& b) {
-  if (a.kind != b.kind || std::max(a.after_ns, b.after_ns) >= std::min(a.before_ns, b.before_ns)) return false;
+  const bool is_like_kind = a.kind == b.kind || a.kind == ChangeKind::kMoved || b.kind == ChangeKind::kMoved;
+  if (!is_like_kind || std::max(a.after_ns, b.after_ns) >= std::min(a.before_ns, b.before_ns)) return false;
   return ShareHalf(a.points_before, b.points_before) || ShareHalf(a.points_after, b.points_after) ||
          AreOfOnePlace(a.box_before, b.box_before) || AreOfOnePlace(a.box_after, b.box_after);
 }

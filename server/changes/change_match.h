@@ -15,8 +15,9 @@ struct ChangeUpdate {
   std::vector<ChangeId> dropped;    ///< proposed, in that time, and not found again
 };
 
-/// Whether two records tell of the same event: kind, a time in which both may have happened, and either half of the
-/// points of the one that has fewer or boxes of which one has its centre in the other.
+/// Whether two records tell of the same event: kind (of what moved one half may be all that is told), a time in which
+/// both may have happened, and either half of the points of the one that has fewer or boxes of which one has its centre
+/// in the other.
 bool IsSameEvent(const ChangeRecord& a, const ChangeRecord& b);
 
 /// Compares what was found in the sessions of [from_ns, to_ns] with what is stored of the map. A proposal takes over

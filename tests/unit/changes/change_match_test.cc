@@ -69,6 +69,24 @@ TEST(ChangeMatchTest, OtherPlacesTimesAndKindsAreOtherEvents) {
   EXPECT_FALSE(IsSameEvent(change, appeared));
 }
 
+/// Once its old place is cleared, what moved is only found to have come.
+TEST(ChangeMatchTest, HalfOfAMoveIsTheMove) {
+  ChangeRecord moved = Vanished(0, 100, {MapPointId(1)});
+  moved.kind = ChangeKind::kMoved;
+  moved.box_after = OrientedBox{Pose3(Eigen::Quaterniond::Identity(), {5, 0, 0}), {1, 1, 1}};
+  moved.points_after = {MapPointId(8), MapPointId(9)};
+  const ChangeRecord stored[] = {Stored(3, ChangeStatus::kAccepted, moved)};
+  ChangeRecord appeared = moved;
+  appeared.kind = ChangeKind::kAppeared;
+  appeared.box_before.reset();
+  appeared.points_before.clear();
+  const ChangeUpdate update = MatchChanges(stored, {appeared}, kEver, kNow);
+  ASSERT_EQ(update.known.size(), 1U);
+  EXPECT_EQ(update.known[0].id, ChangeId(3));
+  EXPECT_EQ(update.known[0].kind, ChangeKind::kMoved);
+  EXPECT_TRUE(update.fresh.empty());
+}
+
 TEST(ChangeMatchTest, OneRecordStandsForOneEvent) {
   const ChangeRecord stored[] = {Stored(3, ChangeStatus::kProposed, Vanished(0, 100, {}))};
   const ChangeUpdate update = MatchChanges(stored, {Vanished(0, 100, {}), Vanished(0.2, 100, {})}, kEver, kNow);
