@@ -76,7 +76,7 @@ sim::SimulationOptions HistoryWorld(const EvalContext& context, const std::strin
   sim::SimulationOptions world = SettingWorld(context, setting, history.num_visits + (history.is_timed ? 1 : 0));
   world.sensor = SensorKind::kRgbd;
   world.rate_hz = 10;
-  world.path_m = context.quick() ? 20 : 40;
+  world.path_m = context.quick() ? 20 : 30;
   world.seed = seed;
   world.num_routes = std::min(history.num_routes, world.num_users);
   world.num_changes = history.num_changes;
@@ -145,13 +145,18 @@ std::string Tell(const char* what, sim::ChangeKind kind, const std::optional<Ori
   return text + "\n";
 }
 
-/// For who wants to know why (--keep-work): all lists in the world's frame.
-Status WriteLists(const std::vector<TrueChange>& changes, const std::vector<TrueChange>& others,
-                  const ChangeDetection& scan, const std::string& folder) {
-  std::string text;
+/// For who wants to know why (--keep-work): all lists in the world's frame, and what came of them.
+Status WriteLists(const std::string& title, const std::vector<TrueChange>& changes,
+                  const std::vector<TrueChange>& others, const Outcome& outcome, const std::string& folder) {
+  std::string text = title + "\n";
   for (const TrueChange& change : changes) text += Tell("true", change.kind, change.before, change.after);
   for (const TrueChange& other : others) text += Tell("hardly visible", other.kind, other.before, other.after);
-  for (const DetectedChange& found : scan.changes) text += Tell("detected", found.kind, found.before, found.after);
+  for (const DetectedChange& found : outcome.scan.changes) {
+    text += Tell("detected", found.kind, found.before, found.after);
+  }
+  const ChangeCounts& all = outcome.score.all;
+  text += fmt::format("{} true, {} found, {} detected, {} right, {:.2f} s\n", all.num_true, all.num_found,
+                      all.num_detected, all.num_right, outcome.scan.seconds);
   std::ofstream file(folder + "/changes.txt");
   file << text;
   file.close();
@@ -179,24 +184,20 @@ class Histographer {
   int num_seeds() const { return num_seeds_; }
   const std::string& setup() const { return setup_; }
 
-  StatusOr<std::vector<Outcome>> Measure(const std::string& setting, const History& history) {
-    std::vector<Outcome> outcomes;
-    for (int i = 0; i < num_seeds_; ++i) {
-      const uint64_t seed = context_.seed + static_cast<uint64_t>(i);
-      StatusOr<Outcome> outcome = MeasureOne(HistoryWorld(context_, setting, history, seed), history);
-      if (!outcome.ok()) {
-        return Annotate(outcome.status(), fmt::format("{}, {}, seed {}", setting, history.title, seed));
-      }
-      outcomes.push_back(*std::move(outcome));
+  StatusOr<Outcome> Measure(const std::string& setting, const History& history, uint64_t seed) {
+    StatusOr<Outcome> outcome = MeasureOne(HistoryWorld(context_, setting, history, seed), history);
+    if (!outcome.ok()) {
+      return Annotate(outcome.status(), fmt::format("{}, {}, seed {}", setting, history.title, seed));
     }
-    return outcomes;
+    return outcome;
   }
 
  private:
   StatusOr<Outcome> MeasureOne(const sim::SimulationOptions& world, const History& history) {
     FleetSpec spec = FleetOf(world, Level::kFeatures, history.policy);
     spec.devices.resize(static_cast<size_t>(history.num_visits));
-    setup_ = Describe(spec);
+    setup_ = fmt::format("{}, ways of {:.0f} m, {}, {}.", world.setting, world.path_m, SensorKindName(world.sensor),
+                         LevelName(spec.level));
     MAPP_ASSIGN_OR_RETURN(const auto fleet, context_.lab.Run(spec));
     const std::string folder = fmt::format("{}/changes_{:03d}", context_.lab.options().work_folder, num_measured_++);
     MAPP_ASSIGN_OR_RETURN(const std::string database, CopyMap(*fleet, folder));
@@ -246,10 +247,10 @@ class Histographer {
     MAPP_ASSIGN_OR_RETURN(const SortedChanges sorted, SortChanges(features, visits));
     MAPP_ASSIGN_OR_RETURN(const std::vector<TrueChange> changes, TrueChangesOf(*simulation->world, sorted.visible));
     MAPP_ASSIGN_OR_RETURN(const std::vector<TrueChange> others, TrueChangesOf(*simulation->world, sorted.others));
-    MAPP_RETURN_IF_ERROR(WriteLists(changes, others, outcome.scan, folder));
     MAPP_RETURN_IF_ERROR(DropOthers(changes, others, outcome.scan.changes));
     MAPP_ASSIGN_OR_RETURN(outcome.score, ScoreChanges(changes, outcome.scan.changes));
-    return absl::OkStatus();
+    const std::string title = fmt::format("{}, {}, seed {}", world.setting, history.title, world.seed);
+    return WriteLists(title, changes, others, outcome, folder);
   }
 
   EvalContext& context_;
@@ -365,11 +366,17 @@ StatusOr<ExperimentResult> RunChanges(EvalContext& context) {
   std::vector<std::string> settings = context.Chosen({"garage", "hall"});
   if (context.quick()) settings.resize(1);
   for (const std::string& setting : settings) {
-    for (const History& history : Histories(context.quick())) {
-      MAPP_ASSIGN_OR_RETURN(const std::vector<Outcome> outcomes, histographer.Measure(setting, history));
-      AddRows(setting, history, outcomes, context.seed, tables);
-      result.setup += fmt::format("{}: {} ", history.title, histographer.setup());
+    const std::vector<History> histories = Histories(context.quick());
+    std::vector<std::vector<Outcome>> outcomes(histories.size());
+    for (int i = 0; i < histographer.num_seeds(); ++i) {
+      for (size_t h = 0; h < histories.size(); ++h) {
+        const uint64_t seed = context.seed + static_cast<uint64_t>(i);
+        MAPP_ASSIGN_OR_RETURN(Outcome outcome, histographer.Measure(setting, histories[h], seed));
+        outcomes[h].push_back(std::move(outcome));
+      }
     }
+    for (size_t h = 0; h < histories.size(); ++h) AddRows(setting, histories[h], outcomes[h], context.seed, tables);
+    result.setup += histographer.setup() + " ";
   }
   result.setup += fmt::format("{} seeds. Devices come one after the other; changes are within 6 m of a way. ",
                               histographer.num_seeds());
