@@ -60,7 +60,9 @@ TEST(DisplaceSessionsTest, CamerasOfASessionMoveAlikeAndNoFurtherThanTold) {
   const auto reader = store->Read().value();
   const MapRecord map = reader->FindMap(kEvalMapName).value();
   std::map<SessionId, Eigen::Vector3d> offsets_map;
-  for (const FrameRecord& frame : reader->ListFrames(map.id, std::nullopt).value()) {
+  const std::vector<FrameRecord> frames = reader->ListFrames(map.id, std::nullopt).value();
+  ASSERT_EQ(frames.size(), 2U * kNumFrames);
+  for (const FrameRecord& frame : frames) {
     const double i = frame.number;
     const Pose3 T_map_camera(ExpSo3({0, 0, 0.1 * i}), {10 * i, 0, 0});
     const Eigen::Vector3d offset_map = frame.T_frame_camera.translation() - T_map_camera.translation();

@@ -12,10 +12,10 @@ class SortChangesTest : public testing::Test {
     options.setting = "garage";
     options.num_users = 2;
     options.num_routes = 1;
-    options.path_m = 15;
+    options.path_m = 20;
     options.rate_hz = 5;
     options.num_changes = 3;
-    options.change_reach_m = 5;
+    options.change_reach_m = 8;
     options.change_kinds = {sim::ChangeKind::kVanished};
     simulation_ = sim::Simulate(options).value();
     world_ = std::make_shared<const sim::FeatureWorld>(simulation_->world);
