@@ -31,7 +31,8 @@ constexpr const char* kReplayFooter =
     R"(SEQUENCE is a folder (TUM RGB-D or EuRoC ASL layout), or drawn while it plays:
   sim:room/SESSION, sim:room:SEED/SESSION           the rendered room
   sim:SETTING/USER, sim:SETTING:KEY=VALUE,.../USER  a visit of mapp simulate SETTING,
-      its long options being the keys: sim:garage:users=5,path=60,sensor=stereo/0
+      its long options being the keys: sim:garage:users=5,path=60,sensor=stereo/0;
+      several names are joined by +: changes=4,change-kinds=appeared+moved
 
 Figures, as in the JSON:
   keyframe_equivalents    frames on a shared map, where no keyframe is made, at which

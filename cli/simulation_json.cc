@@ -21,6 +21,10 @@ void WriteOptions(const sim::SimulationOptions& options, JsonWriter& json) {
   for (const std::string& camera : options.cameras) json.Value(camera);
   json.EndArray().Field("sensor", NameOf(kSensorChoices, options.sensor)).Field("rate_hz", options.rate_hz);
   json.Field("num_changes", options.num_changes).Field("num_passers", options.num_passers);
+  json.Field("change_reach_m", options.change_reach_m).Field("num_stable_visits", options.num_stable_visits);
+  json.Key("change_kinds").BeginArray();
+  for (const sim::ChangeKind kind : options.change_kinds) json.Value(NameOf(kChangeKindChoices, kind));
+  json.EndArray();
   json.Field("max_duration_s", options.max_duration_s).Field("num_routes", options.num_routes);
   json.Field("textures_folder", options.textures_folder).Key("trajectory_files").BeginArray();
   for (const std::string& file : options.trajectory_files) json.Value(file);

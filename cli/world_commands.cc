@@ -5,6 +5,7 @@
 #include "cli/interrupt.h"
 #include "cli/simulate.h"
 #include "cli/visit_spec.h"
+#include "eval/harness/choices.h"
 #include "sim/world/camera_rig.h"
 #include "sim/world/world.h"
 
@@ -66,6 +67,28 @@ void AddSimulateWorld(CLI::App& simulate, const std::string& setting, Command& c
             "rgbd: TUM folders; stereo, mono, mono-inertial: EuRoC");
   command->add_option("--rate", world.rate_hz, "Images a second; 0: the camera's")->capture_default_str();
   command->add_option("--changes", world.num_changes, "Objects that leave, come or are moved between visits")
+      ->capture_default_str();
+  command
+      ->add_option("--changes-near", world.change_reach_m,
+                   "Only what is within so many metres of a user's way changes; 0: anything")
+      ->capture_default_str();
+  command
+      ->add_option_function<std::vector<std::string>>(
+          "--change-kinds",
+          [&world](const std::vector<std::string>& names) {
+            world.change_kinds.clear();
+            for (const std::string& name : names) world.change_kinds.push_back(*ValueOf(kChangeKindChoices, name));
+          },
+          fmt::format("What may happen: {} (default: everything)", OneOf(kChangeKindChoices)))
+      ->check(CLI::Validator(
+          [](const std::string& name) {
+            return ValueOf(kChangeKindChoices, name) ? std::string()
+                                                     : fmt::format("{} is not {}", name, OneOf(kChangeKindChoices));
+          },
+          ""))
+      ->delimiter(',')
+      ->type_name("NAME,...");
+  command->add_option("--stable", world.num_stable_visits, "Nothing changes before so many visits have ended")
       ->capture_default_str();
   command->add_option("--passers", world.num_passers, "People who walk about")->capture_default_str();
   command->add_option("--trajectory", world.trajectory_files, "TUM files, T_world_camera, flown in turn; no ways then")

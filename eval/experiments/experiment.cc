@@ -21,6 +21,7 @@ const std::vector<Experiment>& Experiments() {
       {"injection", "Redundancy injection", {"garage"}, RunInjection},
       {"sharing", "Map sharing: what it saves the device", {"garage", "plaza"}, RunSharing},
       {"alpha", "How far a shared map reaches", {"garage"}, RunAlpha},
+      {"changes", "Changes of the world: found and invented", {"garage", "hall"}, RunChanges},
       {"overlap", "Overlap estimators against the oracle", {"garage", "plaza", "hall"}, RunOverlap},
       {"adapter", "Recorded keyframes through the adapter", {}, RunAdapter, /*needs_recording=*/true},
   };

@@ -68,10 +68,12 @@ std::vector<std::string> ReplayArguments(const ParticipantOptions& participation
 std::string FleetSpec::Key() const {
   std::string key = fmt::format(
       "{} users={} path={} seed={} sensor={} rate={} changes={} passers={} cameras={} "
-      "flights={} textures={} level={} concurrent={} routes={} cut={} reconstruct={}",
+      "flights={} textures={} level={} concurrent={} routes={} cut={} reconstruct={} near={} stable={} kinds=",
       world.setting, world.num_users, world.path_m, world.seed, static_cast<int>(world.sensor), world.rate_hz,
       world.num_changes, world.num_passers, fmt::join(world.cameras, "+"), fmt::join(world.trajectory_files, "+"),
-      world.textures_folder, LevelName(level), concurrent, world.num_routes, world.max_duration_s, reconstruct);
+      world.textures_folder, LevelName(level), concurrent, world.num_routes, world.max_duration_s, reconstruct,
+      world.change_reach_m, world.num_stable_visits);
+  for (const sim::ChangeKind kind : world.change_kinds) key += NameOf(kChangeKindChoices, kind) + "+";
   for (const Participation& device : devices)
     key += fmt::format(" {}:{}:{}", device.visit, device.policy, device.tile_cache);
   return key;

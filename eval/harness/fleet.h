@@ -67,6 +67,9 @@ struct DeviceFigures {
 struct FleetFigures {
   std::vector<DeviceFigures> devices;  ///< in the order of FleetSpec::devices
   std::string database;                ///< the map's file; the server has ended
+  /// Of the first device: where it was, and where it took itself to be. They tell where the map lies in the world.
+  std::string first_truth_file;
+  std::string first_trajectory_file;
   uint64_t database_bytes = 0;
   double duration_s = 0;
 };

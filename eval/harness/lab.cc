@@ -251,6 +251,8 @@ struct Lab::Impl {
     MAPP_RETURN_IF_ERROR(spec.concurrent ? PlayTogether(stage, *figures) : PlayInTurn(stage, *figures));
     MAPP_RETURN_IF_ERROR(stage.server->Stop(lab.stop_));
     figures->database = stage.server->database();
+    figures->first_truth_file = FilesOf(stage, 0).truth;
+    figures->first_trajectory_file = FilesOf(stage, 0).trajectory;
     figures->database_bytes = fs::file_size(figures->database, error);
     figures->duration_s = std::chrono::duration<double>(std::chrono::steady_clock::now() - start).count();
     return std::shared_ptr<const FleetFigures>(std::move(figures));

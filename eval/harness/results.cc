@@ -11,30 +11,30 @@
 namespace mapp {
 namespace {
 
-using Json = nlohmann::ordered_json;
+using OrderedJson = nlohmann::ordered_json;
 
 constexpr int kFormat = 1;
 
-Json CellToJson(const Cell& cell) {
+OrderedJson CellToJson(const Cell& cell) {
   if (cell.number) return *cell.number;
   if (!cell.text.empty()) return cell.text;
   return nullptr;
 }
 
-Cell CellFromJson(const Json& json) {
+Cell CellFromJson(const OrderedJson& json) {
   if (json.is_number()) return json.get<double>();
   if (json.is_string()) return json.get<std::string>();
   return {};
 }
 
-Json ToJson(const ResultTable& table) {
-  Json json = {{"id", table.id}, {"title", table.title}};
+OrderedJson ToJson(const ResultTable& table) {
+  OrderedJson json = {{"id", table.id}, {"title", table.title}};
   for (const Column& column : table.columns) {
     json["columns"].push_back({{"name", column.name}, {"digits", column.digits}});
   }
-  json["rows"] = Json::array();
+  json["rows"] = OrderedJson::array();
   for (const auto& row : table.rows) {
-    Json cells = Json::array();
+    OrderedJson cells = OrderedJson::array();
     for (const Cell& cell : row) cells.push_back(CellToJson(cell));
     json["rows"].push_back(std::move(cells));
   }
@@ -47,30 +47,31 @@ Json ToJson(const ResultTable& table) {
   return json;
 }
 
-ResultTable TableFromJson(const Json& json) {
+ResultTable TableFromJson(const OrderedJson& json) {
   ResultTable table{json.at("id"), json.at("title"), {}, {}, {}};
-  for (const Json& column : json.at("columns")) table.columns.push_back({column.at("name"), column.at("digits")});
-  for (const Json& row : json.at("rows")) {
+  for (const OrderedJson& column : json.at("columns"))
+    table.columns.push_back({column.at("name"), column.at("digits")});
+  for (const OrderedJson& row : json.at("rows")) {
     auto& cells = table.rows.emplace_back();
-    for (const Json& cell : row) cells.push_back(CellFromJson(cell));
+    for (const OrderedJson& cell : row) cells.push_back(CellFromJson(cell));
   }
   if (json.contains("plot")) {
-    const Json& plot = json["plot"];
+    const OrderedJson& plot = json["plot"];
     table.plot = Plot{plot.at("kind") == "bars" ? Plot::Kind::kBars : Plot::Kind::kLines, plot.at("x"), plot.at("y"),
                       plot.at("y_label")};
   }
   return table;
 }
 
-Json ToJson(const ExperimentResult& result) {
-  Json json = {{"name", result.name},   {"title", result.title},     {"setup", result.setup},
-               {"paper", result.paper}, {"remarks", result.remarks}, {"duration_s", result.duration_s}};
-  json["tables"] = Json::array();
+OrderedJson ToJson(const ExperimentResult& result) {
+  OrderedJson json = {{"name", result.name},   {"title", result.title},     {"setup", result.setup},
+                      {"paper", result.paper}, {"remarks", result.remarks}, {"duration_s", result.duration_s}};
+  json["tables"] = OrderedJson::array();
   for (const ResultTable& table : result.tables) json["tables"].push_back(ToJson(table));
   return json;
 }
 
-ExperimentResult ExperimentFromJson(const Json& json) {
+ExperimentResult ExperimentFromJson(const OrderedJson& json) {
   ExperimentResult result;
   result.name = json.at("name");
   result.title = json.at("title");
@@ -78,11 +79,11 @@ ExperimentResult ExperimentFromJson(const Json& json) {
   result.paper = json.at("paper");
   result.remarks = json.at("remarks").get<std::vector<std::string>>();
   result.duration_s = json.at("duration_s");
-  for (const Json& table : json.at("tables")) result.tables.push_back(TableFromJson(table));
+  for (const OrderedJson& table : json.at("tables")) result.tables.push_back(TableFromJson(table));
   return result;
 }
 
-ResultSet SetFromJson(const Json& json) {
+ResultSet SetFromJson(const OrderedJson& json) {
   ResultSet results;
   results.version = json.at("version");
   results.commit = json.at("commit");
@@ -90,7 +91,8 @@ ResultSet SetFromJson(const Json& json) {
   results.command = json.at("command");
   results.scale = json.at("scale");
   results.seed = json.at("seed");
-  for (const Json& experiment : json.at("experiments")) results.experiments.push_back(ExperimentFromJson(experiment));
+  for (const OrderedJson& experiment : json.at("experiments"))
+    results.experiments.push_back(ExperimentFromJson(experiment));
   return results;
 }
 
@@ -134,15 +136,15 @@ void Merge(ExperimentResult result, ResultSet& results) {
 }
 
 std::string FormatResults(const ResultSet& results) {
-  Json json = {{"format", kFormat},          {"version", results.version},  {"commit", results.commit},
-               {"machine", results.machine}, {"command", results.command},  {"scale", results.scale},
-               {"seed", results.seed},       {"experiments", Json::array()}};
+  OrderedJson json = {{"format", kFormat},          {"version", results.version},         {"commit", results.commit},
+                      {"machine", results.machine}, {"command", results.command},         {"scale", results.scale},
+                      {"seed", results.seed},       {"experiments", OrderedJson::array()}};
   for (const ExperimentResult& result : results.experiments) json["experiments"].push_back(ToJson(result));
   return json.dump(2) + "\n";
 }
 
 StatusOr<ResultSet> ParseResults(const std::string& text, const std::string& file) {
-  const Json json = Json::parse(text, /*cb=*/nullptr, /*allow_exceptions=*/false);
+  const OrderedJson json = OrderedJson::parse(text, /*cb=*/nullptr, /*allow_exceptions=*/false);
   if (!json.is_object() || !json.contains("format") || !json["format"].is_number_integer()) {
     return absl::DataLossError(fmt::format("{}: not a results file of mapp eval", file));
   }
@@ -152,7 +154,7 @@ StatusOr<ResultSet> ParseResults(const std::string& text, const std::string& fil
   }
   try {
     return SetFromJson(json);
-  } catch (const Json::exception& exception) {  // a field is missing or of another type
+  } catch (const OrderedJson::exception& exception) {  // a field is missing or of another type
     return absl::DataLossError(fmt::format("{}: {}", file, exception.what()));
   }
 }

@@ -34,8 +34,8 @@ class Matcher {
         right_(detections.size()) {}
 
   ChangeScore Run() {
-    Assign();
     ChangeScore score;
+    Assign(score);
     for (size_t t = 0; t < changes_.size(); ++t) {
       for (ChangeCounts* counts : {&score.all, &score.by_kind[static_cast<size_t>(changes_[t].kind)]}) {
         ++counts->num_true;
@@ -80,7 +80,7 @@ class Matcher {
                                    change.stamp_ns <= detected.window_ns->second + matching_.time_slack_ns);
   }
 
-  void Assign() {
+  void Assign(ChangeScore& score) {
     std::vector<std::tuple<double, size_t, size_t>> candidates;  // -agreement, detection, change
     for (size_t d = 0; d < detections_.size(); ++d) {
       for (size_t t = 0; t < changes_.size(); ++t) {
@@ -92,10 +92,11 @@ class Matcher {
       }
     }
     std::ranges::sort(candidates);
-    for (const auto& [unused, d, t] : candidates) {
+    for (const auto& [negative_agreement, d, t] : candidates) {
       const Places told = Told(detections_[d], changes_[t]);
       if (right_[d] || (told.before && taken_[t].before) || (told.after && taken_[t].after)) continue;
       right_[d] = true;
+      score.right_ious.push_back(-negative_agreement);
       // Who says that it moved has told of both places, even if one of them wrongly.
       const bool moved = detections_[d].kind == ChangeKind::kMoved;
       taken_[t].before = taken_[t].before || told.before || moved;

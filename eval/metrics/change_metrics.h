@@ -52,6 +52,7 @@ struct ChangeCounts {
 struct ChangeScore {
   ChangeCounts all;
   std::array<ChangeCounts, 3> by_kind;  ///< index: sim::ChangeKind
+  std::vector<double> right_ious;       ///< of the right detections: IntersectionOverUnion with the true box
   // Why the other detections are wrong; together with all.num_right they are all.num_detected.
   size_t num_false = 0;       ///< nothing changed there
   size_t num_duplicate = 0;   ///< another detection told of it already

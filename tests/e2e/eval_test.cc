@@ -38,7 +38,7 @@ class EvalBadInputTest : public testing::Test {
 
 TEST_F(EvalBadInputTest, AnUnknownExperimentIsToldWhichThereAre) {
   EXPECT_THAT(ExpectFailure({"eval", "speed", "--quick", "--out", Out()}),
-              AllOf(HasSubstr("speed"), HasSubstr("traffic"), HasSubstr("overlap")));
+              AllOf(HasSubstr("speed"), HasSubstr("traffic"), HasSubstr("changes"), HasSubstr("overlap")));
   EXPECT_FALSE(std::filesystem::exists(Out())) << "nothing is made for nothing";
 }
 
@@ -138,13 +138,31 @@ TEST(LabTest, AFailingDeviceIsNamedWithItsLog) {
               AllOf(HasSubstr("device 0"), HasSubstr("upload_all"), HasSubstr("device_000.log")));
 }
 
-/// A figure of the first row of an experiment's only table.
+/// A figure of the first row of an experiment's first table.
 std::optional<double> FirstRow(const ExperimentResult& result, const std::string& column) {
   const ResultTable& table = result.tables.front();
   for (size_t i = 0; i < table.columns.size(); ++i) {
     if (table.columns[i].name == column) return table.rows.front()[i].number;
   }
   return std::nullopt;
+}
+
+TEST(ChangesTest, WhatLeftIsFoundInTheHistory) {
+  const TempFolder folder;
+  const Finished finished = RunMapp({"eval", "changes", "--quick", "--out", folder.path().string()});
+  ASSERT_EQ(finished.exit_code, 0) << finished.err;
+  const auto results = ParseResults(ReadAll(folder.path() / "results.json"), "results.json");
+  ASSERT_TRUE(results.ok()) << results.status();
+  const ExperimentResult& changes = results->experiments.front();
+  EXPECT_EQ(FirstRow(changes, "true"), 2);
+  EXPECT_GE(FirstRow(changes, "found"), 1);
+  EXPECT_GE(FirstRow(changes, "precision"), 0.5);
+  ASSERT_EQ(changes.tables.size(), 3U);
+  const ResultTable& times = changes.tables[2];
+  ASSERT_EQ(times.rows.size(), 1U);
+  EXPECT_EQ(times.columns[6].name, "sessions read after one more");
+  EXPECT_GE(times.rows[0][6].number, 1);
+  EXPECT_LE(times.rows[0][6].number, times.rows[0][2].number) << "earlier sessions are not read again";
 }
 
 TEST(AdapterTest, SessionsOfAForeignSystemBecomeOneTrueMap) {

@@ -11,6 +11,7 @@ namespace {
 TEST(ParseVisitSpecTest, ReadsEveryKey) {
   const auto spec = ParseVisitSpec(
       "sim:garage:users=5,path=62.5,seed=3,camera=d455-640+euroc,sensor=stereo,rate=15,changes=4,passers=2,"
+      "changes-near=6.5,change-kinds=vanished+moved,stable=3,"
       "trajectory=a/b.txt+c.txt,textures=x/y,routes=2,max-duration=9,noise=0.5,exposure=1.5,motion-blur=3,"
       "exposure-ms=8/4");
   ASSERT_TRUE(spec.ok()) << spec.status();
@@ -24,6 +25,9 @@ TEST(ParseVisitSpecTest, ReadsEveryKey) {
   EXPECT_DOUBLE_EQ(simulation.rate_hz, 15);
   EXPECT_EQ(simulation.num_changes, 4);
   EXPECT_EQ(simulation.num_passers, 2);
+  EXPECT_DOUBLE_EQ(simulation.change_reach_m, 6.5);
+  EXPECT_THAT(simulation.change_kinds, testing::ElementsAre(sim::ChangeKind::kVanished, sim::ChangeKind::kMoved));
+  EXPECT_EQ(simulation.num_stable_visits, 3);
   EXPECT_THAT(simulation.trajectory_files, testing::ElementsAre("a/b.txt", "c.txt"));
   EXPECT_EQ(simulation.textures_folder, "x/y");
   EXPECT_EQ(simulation.num_routes, 2);
@@ -46,6 +50,9 @@ TEST(ParseVisitSpecTest, ReadsTheNamesThatTheEvaluationGives) {
   options.rate_hz = 12.5;
   options.num_changes = 4;
   options.num_passers = 2;
+  options.change_reach_m = 6.5;
+  options.change_kinds = {sim::ChangeKind::kAppeared, sim::ChangeKind::kMoved};
+  options.num_stable_visits = 3;
   options.textures_folder = "x/y";
   options.trajectory_files = {"a/b.txt", "c.txt"};
   options.num_routes = 2;
@@ -55,6 +62,7 @@ TEST(ParseVisitSpecTest, ReadsTheNamesThatTheEvaluationGives) {
   EXPECT_EQ(VisitName(spec->simulation, spec->user), VisitName(options, 4));
   EXPECT_EQ(spec->simulation.sensor, SensorKind::kMonoInertial);
   EXPECT_EQ(spec->simulation.trajectory_files, options.trajectory_files);
+  EXPECT_EQ(spec->simulation.change_kinds, options.change_kinds);
 }
 
 TEST(ParseVisitSpecTest, MakesAsManyUsersAsAreNeeded) {
@@ -87,7 +95,10 @@ INSTANTIATE_TEST_SUITE_P(
                     BadSpec{"sim:garage:path=60m/0", "path: a number expected, got '60m'"},
                     BadSpec{"sim:garage:seed=1,seed=2/0", "seed: given twice"},
                     BadSpec{"sim:garage:sensor=lidar/0", "lidar is not one of rgbd"},
-                    BadSpec{"sim:garage:camera=d435/0", "camera: "}, BadSpec{"sim:garage:changes=3/0", "users=N"}));
+                    BadSpec{"sim:garage:camera=d435/0", "camera: "}, BadSpec{"sim:garage:changes=3/0", "users=N"},
+                    BadSpec{"sim:garage:change-kinds=moved+melted/0", "change-kinds: melted is not one of appeared"},
+                    BadSpec{"sim:garage:changes-near=x/0", "changes-near: a number expected"},
+                    BadSpec{"sim:garage:stable=x/0", "stable: a number expected"}));
 
 }  // namespace
 }  // namespace mapp

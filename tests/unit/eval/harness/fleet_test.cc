@@ -31,6 +31,8 @@ TEST(FleetTest, WhatDiffersHasAnotherKey) {
            [](FleetSpec& s) { s.world.seed = 5; }, [](FleetSpec& s) { s.world.num_routes = 1; },
            [](FleetSpec& s) { s.world.max_duration_s = 3; }, [](FleetSpec& s) { s.world.path_m = 61; },
            [](FleetSpec& s) { s.devices[0].tile_cache = "one"; }, [](FleetSpec& s) { s.world.cameras = {"euroc"}; },
+           [](FleetSpec& s) { s.world.change_reach_m = 6; }, [](FleetSpec& s) { s.world.num_stable_visits = 1; },
+           [](FleetSpec& s) { s.world.change_kinds = {sim::ChangeKind::kMoved}; },
            [](FleetSpec& s) { s.devices.pop_back(); }}) {
     FleetSpec other = spec;
     change(other);

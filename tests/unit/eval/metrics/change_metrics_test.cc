@@ -55,6 +55,14 @@ TEST(OrientedBoxTest, IntersectionOverUnionOfKnownBoxes) {
   EXPECT_EQ(IntersectionOverUnion(cube, {Pose3(), {1, 1, 0}}), 0);
 }
 
+TEST(ScoreChangesTest, TellsHowWellTheBoxesOfRightDetectionsAgree) {
+  const std::vector<TrueChange> changes = {Vanished(Car(0, 0)), Vanished(Car(10, 0))};
+  // One is shifted by a third of its width, one lies elsewhere.
+  const ChangeScore score = Score(changes, {Detection(Vanished(Car(0, 0.6))), Detection(Vanished(Car(30, 0)))});
+  ASSERT_EQ(score.right_ious.size(), 1U);
+  EXPECT_NEAR(score.right_ious.front(), 0.5, 0.03);
+}
+
 TEST(OrientedBoxTest, ABoxOfTheMapStandsInTheWorldAsTheMapDoes) {
   const Pose3 T_world_map(ExpSo3({std::numbers::pi / 2, 0, 0}), {5, 0, 1});
   const OrientedBox box = BoxIn(T_world_map, Aabb(Eigen::Vector3d(0, 0, 0), Eigen::Vector3d(2, 4, 6)));

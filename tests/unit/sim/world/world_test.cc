@@ -162,6 +162,27 @@ TEST_P(WorldTest, ChangesFallBetweenVisitsAndShowInTheScene) {
   EXPECT_GT(changes.back().stamp_ns, options.visits_ns[1].second - 1);
 }
 
+TEST_P(WorldTest, OnlyWhatIsAllowedChangesWhereAndWhenItMay) {
+  WorldOptions options = OptionsOf(GetParam());
+  options.num_changes = 2;
+  options.num_stable_visits = 2;
+  options.change_kinds = {ChangeKind::kVanished};
+  const World& known = WorldOf(GetParam());
+  const auto first = std::ranges::find_if(
+      known.objects, [](const WorldObject& object) { return object.placements.front().T_world_object.has_value(); });
+  ASSERT_NE(first, known.objects.end());
+  options.change_near_world = {first->placements.front().T_world_object->translation()};
+  options.change_reach_m = 25;
+  const std::vector<WorldChange> changes = ChangesOf(*MakeWorld(options).value());
+  ASSERT_EQ(changes.size(), 2U);
+  for (const WorldChange& change : changes) {
+    EXPECT_EQ(change.kind, ChangeKind::kVanished);
+    EXPECT_GE(change.stamp_ns, options.visits_ns[1].second);
+    EXPECT_LT(change.stamp_ns, options.visits_ns[2].first);
+    EXPECT_LE((change.T_world_object_before->translation() - options.change_near_world.front()).norm(), 25);
+  }
+}
+
 TEST_P(WorldTest, PeopleWalkOnTheGroundInside) {
   const World& world = WorldOf(GetParam());
   const std::vector<Quad> before = PassersAt(world, 1'500'000'000'000'000'000);
@@ -223,6 +244,18 @@ INSTANTIATE_TEST_SUITE_P(
         BadCase{"NegativeChanges", "num_changes", [](WorldOptions& options) { options.num_changes = -1; }},
         BadCase{"TooManyChanges", "num_changes: 5000", [](WorldOptions& options) { options.num_changes = 5000; }},
         BadCase{"Passers", "num_passers", [](WorldOptions& options) { options.num_passers = 100000; }},
+        BadCase{"StableVisits", "num_stable_visits: 4 is not in [0, 3]",
+                [](WorldOptions& options) {
+                  options.visits_ns = {{1, 2}, {3, 4}, {5, 6}};
+                  options.num_stable_visits = 4;
+                }},
+        BadCase{"ChangeReach", "change_reach_m", [](WorldOptions& options) { options.change_reach_m = -1; }},
+        BadCase{"NothingInReach", "num_changes: 1, but the hall has 0",
+                [](WorldOptions& options) {
+                  options.num_changes = 1;
+                  options.change_near_world = {{0, 0, 500}};
+                  options.change_reach_m = 1;
+                }},
         BadCase{"Clearance", "clearance_m", [](WorldOptions& options) { options.clearance_m = -0.1; }},
         BadCase{"Visit", "visits_ns",
                 [](WorldOptions& options) {
