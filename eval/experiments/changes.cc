@@ -53,6 +53,7 @@ std::vector<History> Histories(bool quick) {
                                      .num_stable_visits = before}};
   if (quick) {
     histories.push_back({.title = "history", .num_visits = 4, .num_changes = 4, .num_passers = 4, .is_timed = true});
+    histories.push_back({.title = "unchanged, poses wrong", .num_visits = 4, .num_passers = 4, .is_displaced = true});
     return histories;
   }
   const History whole = {.title = "ten changes, all history",

@@ -7,6 +7,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <chrono>
 #include <filesystem>
 #include <fstream>
 #include <sstream>
@@ -149,7 +150,9 @@ std::optional<double> FirstRow(const ExperimentResult& result, const std::string
 
 TEST(ChangesTest, WhatLeftIsFoundInTheHistory) {
   const TempFolder folder;
-  const Finished finished = RunMapp({"eval", "changes", "--quick", "--out", folder.path().string()});
+  // A minute on an idle machine.
+  const Finished finished = RunCommand({MappBinary(), "eval", "changes", "--quick", "--out", folder.path().string()},
+                                       std::chrono::minutes(5));
   ASSERT_EQ(finished.exit_code, 0) << finished.err;
   const auto results = ParseResults(ReadAll(folder.path() / "results.json"), "results.json");
   ASSERT_TRUE(results.ok()) << results.status();
