@@ -17,7 +17,7 @@ constexpr const char* kGarage =
     "sim:garage:users=3,path=30,rate=10,seed=1,sensor=rgbd,routes=1,changes=3,changes-near=8,change-kinds=vanished,"
     "stable=2";
 
-class ChangesTest : public ServiceTest {
+class ChangesOfTheWorldTest : public ServiceTest {
  protected:
   void VisitAll() {
     StartServer();
@@ -46,7 +46,7 @@ class ChangesTest : public ServiceTest {
   std::string server_address_;
 };
 
-TEST_F(ChangesTest, WhatHasLeftIsFoundAppliedAndBroughtBack) {
+TEST_F(ChangesOfTheWorldTest, WhatHasLeftIsFoundAppliedAndBroughtBack) {
   ASSERT_NO_FATAL_FAILURE(VisitAll());
   const Finished detected = Run({"detect", "--json"});
   ASSERT_EQ(detected.exit_code, 0) << detected.err;
