@@ -135,6 +135,9 @@ StatusOr<std::optional<ChangeRecord>> Finish(Part part, const Eigen::Vector3d& u
   std::vector<Eigen::Vector3f> positions;
   std::vector<MapPointId> ids;
   std::ranges::sort(part.points, {}, &PartPoint::id);
+  // Parts that were joined may share points: where it cannot be told when they went, they are of two events.
+  const auto twice = std::ranges::unique(part.points, {}, &PartPoint::id);
+  part.points.erase(twice.begin(), twice.end());
   Eigen::Vector3d view_map = Eigen::Vector3d::Zero();
   for (const PartPoint& point : part.points) {
     ids.push_back(point.id);
