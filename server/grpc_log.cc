@@ -8,7 +8,9 @@ namespace mapp {
 
 void RouteGrpcLog() {
   gpr_set_log_function([](gpr_log_func_args* line) {
-    log::Debug("grpc", {{"file", line->file}, {"line", line->line}, {"message", line->message}});
+    // Its assertions are told as errors before they end the process.
+    const auto write = line->severity == GPR_LOG_SEVERITY_ERROR ? log::Error : log::Debug;
+    write("grpc", {{"file", line->file}, {"line", line->line}, {"message", line->message}});
   });
 }
 

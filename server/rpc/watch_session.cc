@@ -78,17 +78,24 @@ class WatchReactor final : public grpc::ServerWriteReactor<v1::WatchSessionRespo
 
   void OnWriteDone(bool ok) override {
     if (!ok) End(absl::CancelledError("the caller is gone"));
+    bool has_next = false;
+    bool is_over = false;
     {
+      // Decided at once: when nothing is being written any more, Push may begin to write from another thread, and gRPC
+      // ends the process when two writes are under way.
       MutexLock lock(mutex_);
       bytes_out_ += current_.ByteSizeLong();
-      if (!queue_.empty() && ok) {
+      has_next = !queue_.empty() && ok;
+      if (has_next) {
         current_ = std::move(queue_.front());
         queue_.pop_front();
       } else {
         writing_ = false;
+        is_over = ending_;
       }
     }
-    WriteOrFinish();
+    if (has_next) StartWrite(&current_);
+    if (is_over) FinishCall();
   }
 
   void OnCancel() override { End(absl::CancelledError("the caller is gone")); }
@@ -139,19 +146,6 @@ class WatchReactor final : public grpc::ServerWriteReactor<v1::WatchSessionRespo
     } else {
       StartWrite(&current_);
     }
-  }
-
-  /// After a write: the next one is in current_, or there is none and the call may have to end.
-  void WriteOrFinish() {
-    bool write = false;
-    bool finish = false;
-    {
-      MutexLock lock(mutex_);
-      write = writing_;
-      finish = !writing_ && ending_;
-    }
-    if (write) StartWrite(&current_);
-    if (finish) FinishCall();
   }
 
   void FinishCall() {
