@@ -6,6 +6,8 @@
 #include "server/changes/upright_box.h"
 #include "storage/map_store.h"
 
+#include <Eigen/Eigenvalues>
+
 #include <algorithm>
 #include <cmath>
 #include <map>
@@ -15,27 +17,34 @@
 namespace mapp {
 namespace {
 
+/// Something that happened to a thing.
+struct Happening {
+  ChangeRecord change;
+  EventTime time;
+  std::optional<SessionId> only_seen_by;
+};
+
 /// What a thing's points tell together, visit by visit.
 class ThingCourse {
  public:
   ThingCourse(std::vector<ThingVisit> visits, const DerivationOptions& options)
       : options_(options), visits_(std::move(visits)) {}
 
-  /// Calls `visit(ChangeRecord, EventTime)` for everything that happened to it; boxes and points are left to the
-  /// caller.
-  template <typename Visit>
-  void ForEachChange(const Visit& visit) const {
+  /// Everything that happened to it; boxes and points are left to the caller.
+  std::vector<Happening> Happenings() const {
     std::vector<PresenceEvidence> evidence;
     for (const auto& one : visits_) evidence.push_back(one.evidence);
     const PresencePosterior posterior = InferPresence(evidence, options_.presence);
+    std::vector<Happening> happenings;
     for (size_t i = 0; i + 1 < visits_.size(); ++i) {
       if (posterior.likely[i] == posterior.likely[i + 1]) continue;
       const bool vanished = posterior.likely[i];
       const auto [first, last] = StayAround(posterior, vanished ? i : i + 1);
-      if (first == last && !IsStill(visits_[first])) continue;
-      // Seen once and gone: somebody passed, or something stood there for a moment. Of two visits that cannot be told.
-      if (first == last && last + 1 < visits_.size() && visits_.size() > 2) continue;
-      ChangeRecord change;
+      // Seen once and gone: somebody passed, or something stood there for a moment.
+      if (first == last && first > 0 && last + 1 < visits_.size()) continue;
+      Happening& one = happenings.emplace_back();
+      if (first == last) one.only_seen_by = visits_[first].session;
+      ChangeRecord& change = one.change;
       change.kind = vanished ? ChangeKind::kVanished : ChangeKind::kAppeared;
       change.confidence = vanished ? posterior.vanished[i] : posterior.appeared[i];
       change.after_ns = visits_[i].evidence.time_ns;
@@ -45,11 +54,11 @@ class ThingCourse {
       const auto [other_first, other_last] = StayAround(posterior, vanished ? i + 1 : i);
       const size_t begin = std::min(first, other_first), end = std::max(last, other_last);
       for (size_t k = begin; k <= end; ++k) change.sessions.push_back(visits_[k].session);
-      const EventTime time{visits_[begin].evidence.time_ns, change.after_ns, change.before_ns,
-                           visits_[end].evidence.time_ns};
+      one.time = {visits_[begin].evidence.time_ns, change.after_ns, change.before_ns, visits_[end].evidence.time_ns};
       std::ranges::sort(change.sessions);
-      if (change.confidence >= options_.min_confidence) visit(std::move(change), time);
+      if (change.confidence < options_.min_confidence) happenings.pop_back();
     }
+    return happenings;
   }
 
  private:
@@ -59,11 +68,6 @@ class ThingCourse {
     while (first > 0 && posterior.likely[first - 1] == posterior.likely[i]) --first;
     while (last + 1 < posterior.likely.size() && posterior.likely[last + 1] == posterior.likely[i]) ++last;
     return {first, last};
-  }
-
-  bool IsStill(const ThingVisit& visit) const {
-    return visit.num_views_that_saw >= options_.min_views_of_one_visit &&
-           1e-9 * static_cast<double>(visit.seen_for_ns) >= options_.min_stay_of_one_visit_s;
   }
 
   const DerivationOptions& options_;
@@ -146,7 +150,17 @@ StatusOr<std::optional<ChangeRecord>> Finish(Part part, const Eigen::Vector3d& u
   }
   ChangeRecord change = std::move(part.change);
   const OrientedBox seen_box = UprightBox(positions, up_map, options.stray_share, options.min_side_m);
-  if (seen_box.size_m.z() < options.min_height_m) return std::nullopt;
+  if (std::getenv("DEBUG_STAY")) {
+    Eigen::Vector3d mean = Eigen::Vector3d::Zero();
+    for (const auto& p : positions) mean += p.cast<double>() / static_cast<double>(positions.size());
+    Eigen::Matrix3d cov = Eigen::Matrix3d::Zero();
+    for (const auto& p : positions) cov += (p.cast<double>() - mean) * (p.cast<double>() - mean).transpose() / static_cast<double>(positions.size());
+    const Eigen::SelfAdjointEigenSolver<Eigen::Matrix3d> pca(cov);
+    std::fprintf(stderr, "PCA %.2f %.2f %.2f n.d %.2f n.up %.2f |d| %.2f ", std::sqrt(pca.eigenvalues()[0]), std::sqrt(pca.eigenvalues()[1]), std::sqrt(pca.eigenvalues()[2]), std::abs(pca.eigenvectors().col(0).dot(view_map.normalized())), std::abs(pca.eigenvectors().col(0).dot(up_map)), view_map.norm());
+    const auto of = places.Count(seen_box, options.place_margin_m, part.time);
+    std::fprintf(stderr, "PLACE %s %zu told, %zu stayed, %zu untold, size %.1f %.1f %.1f conf %.2f at %.1f %.1f %.1f\n", change.kind == ChangeKind::kVanished ? "vanished" : "appeared", ids.size(), of->num_stayed, of->untold.size(), seen_box.size_m.x(), seen_box.size_m.y(), seen_box.size_m.z(), change.confidence, seen_box.T_frame_box.translation().x(), seen_box.T_frame_box.translation().y(), seen_box.T_frame_box.translation().z());
+  }
+  if (ids.size() < options.min_points || seen_box.size_m.z() < options.min_height_m) return std::nullopt;
   MAPP_ASSIGN_OR_RETURN(const PlaceCount of_seen, places.Count(seen_box, options.place_margin_m, part.time));
   const auto num_stayed = static_cast<double>(of_seen.num_stayed);
   if (num_stayed > options.max_stayed_share * (num_stayed + static_cast<double>(ids.size()))) return std::nullopt;
@@ -209,13 +223,27 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
     }
     MAPP_ASSIGN_OR_RETURN(std::vector<ThingVisit> of_sessions,
                           VisitsOfThing(points, of_thing, opened_ns, maker, options.visits));
-    ThingCourse(std::move(of_sessions), options).ForEachChange([&](ChangeRecord change, const EventTime& time) {
-      change.map = map;
-      Part part{std::move(change), time, thing.group, {}};
+    const auto event_opened = opened_ns.find(thing.event.session);
+    if (event_opened == opened_ns.end()) continue;
+    for (Happening& one : ThingCourse(std::move(of_sessions), options).Happenings()) {
+      const ChangeKind kind = thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished;
+      if (one.change.kind != kind || event_opened->second <= one.change.after_ns || event_opened->second > one.change.before_ns) continue;
+      if (one.only_seen_by) {
+        MAPP_ASSIGN_OR_RETURN(const double stay_s,
+                              StayInView(points, *one.only_seen_by, maker, options.visits.max_stay_views));
+        if (std::getenv("DEBUG_STAY")) {
+          Eigen::Vector3f m = Eigen::Vector3f::Zero();
+          for (const auto& p : points.p_map) m += p / static_cast<float>(points.p_map.size());
+          std::fprintf(stderr, "STAY %d %.2f s, %zu points at %.1f %.1f %.1f\n", int(one.change.kind), stay_s, points.p_map.size(), m.x(), m.y(), m.z());
+        }
+        if (stay_s < options.min_stay_of_one_visit_s) continue;
+      }
+      one.change.map = map;
+      Part part{std::move(one.change), one.time, thing.group, {}};
       for (size_t i = 0; i < points.ids.size(); ++i)
         part.points.push_back({points.ids[i], points.p_map[i], points.directions[i]});
       parts.push_back(std::move(part));
-    });
+    }
   }
   std::vector<ChangeRecord> changes;
   const PlaceCheck places(maker, findings, opened_ns);

@@ -20,16 +20,17 @@ struct DerivationOptions {
   GroupingOptions grouping;
   PresenceOptions presence;
   /// Less likely changes are left out.
-  double min_confidence = 0.5;
+  double min_confidence = 0.8;
   ThingVisitOptions visits;
   PairingOptions pairing;
-  /// What one visit alone has seen is a thing, and not somebody who passed, when so many of its views saw it there,
-  /// over so long.
-  size_t min_views_of_one_visit = 2;
-  double min_stay_of_one_visit_s = 0.5;
+  /// What one visit alone has seen is a thing, and not somebody who passed, when it saw it stay for so long
+  /// (StayInView).
+  double min_stay_of_one_visit_s = 1.75;
   /// Boxes: share of a thing's points at either end that are taken for strays, and the least length of a side.
   double stray_share = 0.06;
   double min_side_m = 0.05;
+  /// Fewer points that tell of a change are chance.
+  size_t min_points = 40;
   /// What is lower than this is taken for a patch of floor or ceiling: seen at a flat angle, they come and go.
   double min_height_m = 0.6;
   /// Parts of one thing that changed alike lie no further apart than this.

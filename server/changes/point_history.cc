@@ -64,7 +64,7 @@ std::optional<PointCourse> CourseOf(const PointHistory& history) {
     bool is_there = visit.seen();
     const bool is_alone =
         i > 0 && i + 1 < decided.size() && decided[i - 1]->seen() != is_there && decided[i + 1]->seen() != is_there;
-    if (is_alone && std::max(visit.num_seen, visit.num_missed) < kSureViews) is_there = !is_there;
+    if (is_alone && is_there && visit.num_seen < kSureViews) is_there = false;
     course.visits.push_back({visit.session, is_there});
   }
   size_t num_switches = 0, num_there = 0;

@@ -26,8 +26,74 @@ constexpr double kCoreDensity = 0.1;
 constexpr float kCoreGapM = 0.25F;
 constexpr size_t kLeastPart = 50;
 
-/// Whether hardly any session found only one of them there.
-bool Agree(const PointCourse& a, const PointCourse& b) {
+class Forest {
+ public:
+  explicit Forest(size_t size) : parents_(size) { std::iota(parents_.begin(), parents_.end(), size_t{0}); }
+  size_t RootOf(size_t i) {
+    while (parents_[i] != i) i = parents_[i] = parents_[parents_[i]];
+    return i;
+  }
+  void Join(size_t a, size_t b) {
+    const size_t root_a = RootOf(a), root_b = RootOf(b);
+    parents_[std::max(root_a, root_b)] = std::min(root_a, root_b);
+  }
+
+ private:
+  std::vector<size_t> parents_;
+};
+
+/// One change of a point's course: from visit `change` to the next.
+struct PointChange {
+  size_t point = 0;
+  size_t change = 0;
+};
+
+/// For each event, the points that may have come or gone by it.
+std::map<GroupEvent, std::vector<PointChange>> PointsOfEvents(std::span<const PointCourse> courses) {
+  std::set<SessionId> sessions;
+  for (const PointCourse& course : courses) {
+    for (const PointCourse::Visit& visit : course.visits) sessions.insert(visit.session);
+  }
+  std::map<GroupEvent, std::vector<PointChange>> events;
+  for (size_t i = 0; i < courses.size(); ++i) {
+    const std::vector<PointCourse::Visit>& visits = courses[i].visits;
+    for (size_t k = 0; k + 1 < visits.size(); ++k) {
+      if (visits[k].is_there == visits[k + 1].is_there) continue;
+      const auto end = sessions.upper_bound(visits[k + 1].session);
+      for (auto session = sessions.upper_bound(visits[k].session); session != end; ++session) {
+        events[{*session, visits[k + 1].is_there}].push_back({i, k});
+      }
+    }
+  }
+  return events;
+}
+
+/// Those of the points that hang together.
+std::vector<std::vector<PointChange>> Linked(std::span<const PointCourse> courses,
+                                             std::span<const Eigen::Vector3f> p_map,
+                                             const std::vector<PointChange>& points, const GroupingOptions& options) {
+  std::vector<Eigen::Vector3f> positions;
+  for (const PointChange& one : points) positions.push_back(p_map[one.point]);
+  const NeighborGrid grid(positions, options.gap_m);
+  Forest forest(points.size());
+  for (size_t i = 0; i < points.size(); ++i) {
+    grid.VisitWithin(positions[i], [&](size_t k, float) {
+      if (k <= i || forest.RootOf(i) == forest.RootOf(k)) return;
+      if (TellTheSame(courses[points[i].point], courses[points[k].point])) forest.Join(i, k);
+    });
+  }
+  std::map<size_t, std::vector<PointChange>> by_root;
+  for (size_t i = 0; i < points.size(); ++i) by_root[forest.RootOf(i)].push_back(points[i]);
+  std::vector<std::vector<PointChange>> linked;
+  for (auto& [root, members] : by_root) {
+    if (members.size() >= options.min_points) linked.push_back(std::move(members));
+  }
+  return linked;
+}
+
+}  // namespace
+
+bool TellTheSame(const PointCourse& a, const PointCourse& b) {
   size_t num_against = 0, num_there = 0, num_gone = 0;
   auto left = a.visits.begin(), right = b.visits.begin();
   while (left != a.visits.end() && right != b.visits.end()) {
@@ -45,75 +111,6 @@ bool Agree(const PointCourse& a, const PointCourse& b) {
   };
   return num_gone > 0 && are_enough(num_gone) && are_enough(num_there);
 }
-
-class Forest {
- public:
-  explicit Forest(size_t size) : parents_(size) { std::iota(parents_.begin(), parents_.end(), size_t{0}); }
-  size_t RootOf(size_t i) {
-    while (parents_[i] != i) i = parents_[i] = parents_[parents_[i]];
-    return i;
-  }
-  void Join(size_t a, size_t b) {
-    const size_t root_a = RootOf(a), root_b = RootOf(b);
-    parents_[std::max(root_a, root_b)] = std::min(root_a, root_b);
-  }
-
- private:
-  std::vector<size_t> parents_;
-};
-
-/// Something came (or went) before this session, and after the one before it.
-struct Event {
-  SessionId session;
-  bool came = false;
-  friend auto operator<=>(const Event&, const Event&) = default;
-};
-
-/// For each event, the points that may have come or gone by it.
-std::map<Event, std::vector<size_t>> PointsOfEvents(std::span<const PointCourse> courses) {
-  std::set<SessionId> sessions;
-  for (const PointCourse& course : courses) {
-    for (const PointCourse::Visit& visit : course.visits) sessions.insert(visit.session);
-  }
-  std::map<Event, std::vector<size_t>> events;
-  for (size_t i = 0; i < courses.size(); ++i) {
-    const std::vector<PointCourse::Visit>& visits = courses[i].visits;
-    for (size_t k = 0; k + 1 < visits.size(); ++k) {
-      if (visits[k].is_there == visits[k + 1].is_there) continue;
-      const auto end = sessions.upper_bound(visits[k + 1].session);
-      for (auto session = sessions.upper_bound(visits[k].session); session != end; ++session) {
-        events[{*session, visits[k + 1].is_there}].push_back(i);
-      }
-    }
-  }
-  return events;
-}
-
-/// Those of the points that hang together.
-std::vector<std::vector<size_t>> Linked(std::span<const PointCourse> courses, std::span<const Eigen::Vector3f> p_map,
-                                        const std::vector<size_t>& points, const GroupingOptions& options) {
-  std::vector<Eigen::Vector3f> positions;
-  for (const size_t i : points) positions.push_back(p_map[i]);
-  const NeighborGrid grid(positions, options.gap_m);
-  Forest forest(points.size());
-  for (size_t i = 0; i < points.size(); ++i) {
-    grid.VisitWithin(positions[i], [&](size_t k, float) {
-      if (k <= i || forest.RootOf(i) == forest.RootOf(k)) return;
-      if (TellTheSame(courses[points[i]], courses[points[k]])) forest.Join(i, k);
-    });
-  }
-  std::map<size_t, std::vector<size_t>> by_root;
-  for (size_t i = 0; i < points.size(); ++i) by_root[forest.RootOf(i)].push_back(points[i]);
-  std::vector<std::vector<size_t>> linked;
-  for (auto& [root, members] : by_root) {
-    if (members.size() >= options.min_points) linked.push_back(std::move(members));
-  }
-  return linked;
-}
-
-}  // namespace
-
-bool TellTheSame(const PointCourse& a, const PointCourse& b) { return Agree(a, b); }
 
 std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_of_things_map,
                                               const Eigen::Vector3f& up_map) {
@@ -167,28 +164,33 @@ std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p
 
 std::vector<ChangedThing> GroupThings(std::span<const PointCourse> courses, std::span<const Eigen::Vector3f> p_map,
                                       const Eigen::Vector3f& up_map, const GroupingOptions& options) {
-  std::vector<std::vector<size_t>> candidates;
+  struct Candidate {
+    GroupEvent event;
+    std::vector<PointChange> points;
+  };
+  std::vector<Candidate> candidates;
   for (const auto& [event, points] : PointsOfEvents(courses)) {
-    for (std::vector<size_t>& candidate : Linked(courses, p_map, points, options)) {
-      candidates.push_back(std::move(candidate));
+    for (std::vector<PointChange>& linked : Linked(courses, p_map, points, options)) {
+      candidates.push_back({event, std::move(linked)});
     }
   }
   // Where it cannot be told between which visits something happened, most of its points say when.
-  std::ranges::stable_sort(candidates, std::greater(), &std::vector<size_t>::size);
+  std::ranges::stable_sort(candidates, std::greater(), [](const Candidate& one) { return one.points.size(); });
   std::vector<ChangedThing> things;
-  std::vector<bool> is_taken(courses.size(), false);
+  std::set<std::pair<size_t, size_t>> taken;
   for (size_t group = 0; group < candidates.size(); ++group) {
-    const std::vector<size_t>& points = candidates[group];
-    const auto num_taken = static_cast<size_t>(std::ranges::count_if(points, [&](size_t i) { return is_taken[i]; }));
-    if (2 * num_taken > points.size()) continue;
-    for (const size_t i : points) is_taken[i] = true;
+    const auto& [event, points] = candidates[group];
+    const auto is_taken = [&](const PointChange& one) { return taken.contains({one.point, one.change}); };
+    if (2 * static_cast<size_t>(std::ranges::count_if(points, is_taken)) > points.size()) continue;
     std::vector<Eigen::Vector3f> positions;
-    for (const size_t i : points) positions.push_back(p_map[i]);
+    for (const PointChange& one : points) {
+      taken.emplace(one.point, one.change);
+      positions.push_back(p_map[one.point]);
+    }
     for (const std::vector<size_t>& part : SplitAtNecks(positions, up_map)) {
       if (part.size() < options.min_points) continue;
-      ChangedThing& one = things.emplace_back();
-      one.group = group;
-      for (const size_t k : part) one.points.push_back(points[k]);
+      ChangedThing& one = things.emplace_back(ChangedThing{event, {}, group});
+      for (const size_t k : part) one.points.push_back(points[k].point);
     }
   }
   return things;

@@ -4,6 +4,7 @@
 
 #include <Eigen/Core>
 
+#include <compare>
 #include <span>
 #include <vector>
 
@@ -12,8 +13,16 @@ namespace mapp {
 /// Whether two points may be of one thing: some session found both gone, and hardly any found only one of them there.
 bool TellTheSame(const PointCourse& a, const PointCourse& b);
 
-/// A thing that came or went: points near to each other with one history.
+/// Something came (or went) before this session, and after the one before it.
+struct GroupEvent {
+  SessionId session;
+  bool came = false;
+  friend auto operator<=>(const GroupEvent&, const GroupEvent&) = default;
+};
+
+/// A thing that came or went: points near to each other that did so at one time.
 struct ChangedThing {
+  GroupEvent event;
   std::vector<size_t> points;  ///< indices of courses, ascending
   /// Things of one number hung together until they were split at necks.
   size_t group = 0;
@@ -28,8 +37,9 @@ struct GroupingOptions {
 /// by side, with a few stray points between. `p_map` has a place for each of the thing's points; indices are into it.
 std::vector<std::vector<size_t>> SplitAtNecks(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3f& up_map);
 
-/// Groups points that are linked over gaps of at most gap_m and tell the same (single linkage). `p_map` has a place for
-/// each course.
+/// For each time at which points came or went: groups of those that are linked over gaps of at most gap_m and tell the
+/// same (single linkage). Where it cannot be told between which visits a point changed, it goes with the largest group
+/// that it may belong to. `p_map` has a place for each course.
 std::vector<ChangedThing> GroupThings(std::span<const PointCourse> courses, std::span<const Eigen::Vector3f> p_map,
                                       const Eigen::Vector3f& up_map, const GroupingOptions& options);
 

@@ -6,6 +6,9 @@
 namespace mapp {
 namespace {
 
+/// Somebody may pass the same place twice: between views that saw a thing stay there is not more time than this.
+constexpr int64_t kMaxBreakNs = 1'000'000'000;
+
 struct PointCounts {
   size_t num_seen = 0, num_missed = 0;
   double num_judged() const { return static_cast<double>(num_seen + num_missed); }
@@ -17,8 +20,6 @@ struct Looked {
   int64_t time_ns = 0;
   double num_hits = 0, num_passed = 0;
   double area = 0;  ///< of the outlines in all views
-  size_t num_that_saw = 0;
-  int64_t first_saw_ns = 0, last_saw_ns = 0;
   struct View {
     double area = 0, num_blocked = 0;
   };
@@ -56,11 +57,6 @@ StatusOr<Looked> Look(const ThingPoints& points, SessionId session, FindingsMake
     ++all.num_views;
     all.area += sighting.outline_area;
     all.num_hits += static_cast<double>(sighting.num_hits);
-    if (sighting.num_hits > sighting.num_passed) {
-      all.first_saw_ns = all.num_that_saw == 0 ? view->stamp_ns : std::min(all.first_saw_ns, view->stamp_ns);
-      all.last_saw_ns = all.num_that_saw == 0 ? view->stamp_ns : std::max(all.last_saw_ns, view->stamp_ns);
-      ++all.num_that_saw;
-    }
     if (!view->complete) continue;
     all.num_passed += static_cast<double>(sighting.num_passed);
     all.complete_views.push_back({sighting.outline_area, static_cast<double>(sighting.num_blocked)});
@@ -117,11 +113,50 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
     if (one.num_views == 0) continue;
     const PresenceEvidence of_rays = EvidenceOfRays(one, greatest_density, options);
     const auto evidence = Combine(of_rays, counts.at(one.session), histories.size(), options);
+    if (std::getenv("DEBUG_VISITS")) {
+      const Eigen::Vector3d c = points.BoxMap().center();
+      std::fprintf(stderr, "VISIT s%llu thing of %zu at %.1f %.1f %.1f: points %zu seen %zu missed; rays %.0f hits %.0f passed, %zu views, expected %.0f; evidence of rays %.1f %.1f -> %s %.1f %.1f\n", (unsigned long long)one.session.value(), points.p_map.size(), c.x(), c.y(), c.z(), counts.at(one.session).num_seen, counts.at(one.session).num_missed, one.num_hits, one.num_passed, one.num_views, one.NumExpected(options.least_density_share * greatest_density), of_rays.num_seen, of_rays.num_missed, evidence ? "" : "none", evidence ? evidence->num_seen : 0, evidence ? evidence->num_missed : 0);
+    }
     if (!evidence || evidence->num_seen + evidence->num_missed < least) continue;
-    visits.push_back({one.session, *evidence, one.num_that_saw, one.last_saw_ns - one.first_saw_ns});
+    visits.push_back({one.session, *evidence});
   }
   std::ranges::stable_sort(visits, {}, [](const ThingVisit& visit) { return visit.evidence.time_ns; });
   return visits;
+}
+
+StatusOr<double> StayInView(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views) {
+  MAPP_ASSIGN_OR_RETURN(auto views, maker.ViewsInto(session, points.BoxMap(), max_views));
+  std::ranges::sort(views, {}, [](const auto& view) { return view->stamp_ns; });
+  struct Stay {
+    int64_t since_ns = 0, until_ns = 0;  ///< the present one
+    int64_t longest_ns = -1;
+    bool goes_on = false;
+  };
+  std::vector<Stay> stays(points.p_map.size());
+  for (const auto& view : views) {
+    const Pose3 T_camera_map = view->T_map_camera.Inverse();
+    const PinholeCamera pinhole = view->camera.Undistorted();
+    for (size_t i = 0; i < points.p_map.size(); ++i) {
+      const Eigen::Vector3d p_camera = T_camera_map * points.p_map[i].cast<double>();
+      if (p_camera.z() <= 0 || !view->camera.Contains(pinhole.Project(p_camera))) continue;
+      const SurfaceSighting sighting = view->geometry.At(p_camera.cast<float>());
+      Stay& stay = stays[i];
+      if (sighting == SurfaceSighting::kMissed) stay.goes_on = false;
+      if (sighting != SurfaceSighting::kSeen) continue;
+      if (!stay.goes_on || view->stamp_ns - stay.until_ns > kMaxBreakNs) stay.since_ns = view->stamp_ns;
+      stay.goes_on = true;
+      stay.until_ns = view->stamp_ns;
+      stay.longest_ns = std::max(stay.longest_ns, stay.until_ns - stay.since_ns);
+    }
+  }
+  std::vector<int64_t> stays_ns;
+  for (const Stay& stay : stays) {
+    if (stay.longest_ns >= 0) stays_ns.push_back(stay.longest_ns);
+  }
+  if (stays_ns.empty()) return 0.0;
+  const auto middle = stays_ns.begin() + static_cast<std::ptrdiff_t>(stays_ns.size() / 2);
+  std::nth_element(stays_ns.begin(), middle, stays_ns.end());
+  return 1e-9 * static_cast<double>(*middle);
 }
 
 }  // namespace mapp

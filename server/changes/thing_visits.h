@@ -27,8 +27,9 @@ struct ThingVisitOptions {
   /// A session is asked about a thing when it has judged so many of its points, and this share of them.
   size_t min_judged_points = 4;
   double min_judged_share = 0.15;
-  /// Views of a session that are asked, the nearest first.
+  /// Views of a session that are asked, the nearest first; and of those that are asked how long it stayed.
   size_t max_views = 16;
+  size_t max_stay_views = 64;
   /// Views of one session see the same things again: all of them together count as so many.
   double independent_views = 2;
   /// A thing that is there brings about this share at least of the own points, for its size in the image, that it did
@@ -44,8 +45,6 @@ struct ThingVisitOptions {
 struct ThingVisit {
   SessionId session;
   PresenceEvidence evidence;
-  size_t num_views_that_saw = 0;  ///< views more of whose rays ended at the thing than went beyond it
-  int64_t seen_for_ns = 0;        ///< from the first of them to the last
 };
 
 /// Asks the views of each session that has judged points of the thing (`histories`) where their rays ended. By when the
@@ -58,5 +57,10 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
                                                 std::span<const PointHistory* const> histories,
                                                 const std::map<SessionId, int64_t>& opened_ns, FindingsMaker& maker,
                                                 const ThingVisitOptions& options);
+
+/// How long one session saw a thing stand where it is: for half of the points that it saw at all, at least so long
+/// passed between the first and the last of its views that measured a surface there. What moves leaves the place of a
+/// point within a fraction of its own length. Seconds; 0 when no view saw it.
+StatusOr<double> StayInView(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views);
 
 }  // namespace mapp

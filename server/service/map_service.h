@@ -112,8 +112,8 @@ class MapService {
   StatusOr<Compaction> CompactMap(const CallContext& context, const CompactionRequest& request,
                                   const CompactionObserver& on_progress);
 
-  /// Looks through the map's history for changes of the world (ScanForChanges) and keeps them (MatchChanges); those that
-  /// are at least `auto_accept` sure are accepted, 0: none. FAILED_PRECONDITION: another call does so.
+  /// Looks through the map's history for changes of the world (ScanForChanges) and keeps them (MatchChanges); those
+  /// that are at least `auto_accept` sure are accepted, 0: none. FAILED_PRECONDITION: another call does so.
   StatusOr<DetectedChanges> DetectChanges(const CallContext& context, const ChangeSearch& search,
                                           const std::function<void(const ScanProgress&)>& on_progress);
   StatusOr<std::vector<ChangeRecord>> ListChanges(const CallContext& context, const std::string& map_name);
