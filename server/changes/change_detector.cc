@@ -17,6 +17,9 @@
 namespace mapp {
 namespace {
 
+/// Visits whose posterior leaves more doubt of the state than this do not bound the time of a change.
+constexpr double kSureDoubt = 0.05;
+
 /// Something that happened to a thing.
 struct Happening {
   ChangeRecord change;
@@ -40,15 +43,25 @@ class ThingCourse {
       if (posterior.likely[i] == posterior.likely[i + 1]) continue;
       const bool vanished = posterior.likely[i];
       const auto [first, last] = StayAround(posterior, vanished ? i : i + 1);
-      // Seen once and gone: somebody passed, or something stood there for a moment.
-      if (first == last && first > 0 && last + 1 < visits_.size()) continue;
+      // Seen once and gone: somebody passed, or something stood there for a moment. What stood there before has come back.
+      const bool is_only_once = first == last && !HasOtherStay(posterior, first);
+      if (is_only_once && first > 0 && last + 1 < visits_.size()) continue;
       Happening& one = happenings.emplace_back();
-      if (first == last) one.only_seen_by = visits_[first].session;
+      if (is_only_once) one.only_seen_by = visits_[first].session;
       ChangeRecord& change = one.change;
       change.kind = vanished ? ChangeKind::kVanished : ChangeKind::kAppeared;
-      change.confidence = vanished ? posterior.vanished[i] : posterior.appeared[i];
-      change.after_ns = visits_[i].evidence.time_ns;
-      change.before_ns = visits_[i + 1].evidence.time_ns;
+      // From the last visit that is sure of the state before to the first that is sure of the one after.
+      const auto doubt = [&](size_t k) {
+        return posterior.likely[k] ? 1 - posterior.present[k] : posterior.present[k];
+      };
+      const auto [before_first, before_last] = StayAround(posterior, i);
+      const auto [after_first, after_last] = StayAround(posterior, i + 1);
+      size_t after = i, before = i + 1;
+      while (after > before_first && doubt(after) > kSureDoubt) --after;
+      while (before < after_last && doubt(before) > kSureDoubt) ++before;
+      change.confidence = std::max(0.0, 1 - doubt(after) - doubt(before));
+      change.after_ns = visits_[after].evidence.time_ns;
+      change.before_ns = visits_[before].evidence.time_ns;
       change.first_seen_ns = visits_[first].evidence.time_ns;
       change.last_seen_ns = visits_[last].evidence.time_ns;
       const auto [other_first, other_last] = StayAround(posterior, vanished ? i + 1 : i);
@@ -68,6 +81,14 @@ class ThingCourse {
     while (first > 0 && posterior.likely[first - 1] == posterior.likely[i]) --first;
     while (last + 1 < posterior.likely.size() && posterior.likely[last + 1] == posterior.likely[i]) ++last;
     return {first, last};
+  }
+
+  /// Whether it was there for two visits or more, apart from visit i.
+  static bool HasOtherStay(const PresencePosterior& posterior, size_t i) {
+    for (size_t k = 0; k + 1 < posterior.likely.size(); ++k) {
+      if (k != i && k + 1 != i && posterior.likely[k] && posterior.likely[k + 1]) return true;
+    }
+    return false;
   }
 
   const DerivationOptions& options_;
@@ -132,6 +153,21 @@ std::vector<Part> JoinParts(std::vector<Part> parts, double max_gap_m) {
   return parts;
 }
 
+/// Of the boxes that the whole thing may fill, the one that holds the fewest points which stayed: what stands beside it
+/// is no part of it.
+StatusOr<OrientedBox> WholeBox(const OrientedBox& seen_box, const Eigen::Vector3d& view_map, const PlaceCheck& places,
+                               const EventTime& time) {
+  OrientedBox whole = seen_box;
+  size_t fewest = std::numeric_limits<size_t>::max();
+  for (const OrientedBox& box : WithHiddenPart(seen_box, view_map)) {
+    MAPP_ASSIGN_OR_RETURN(const PlaceCount count, places.Count(box, 0, time));
+    if (count.num_stayed >= fewest) continue;
+    fewest = count.num_stayed;
+    whole = box;
+  }
+  return whole;
+}
+
 /// The change with its box and points. nullopt: most of what the map has at the place stayed there, so that the thing
 /// is a part of a surface that views do not agree on.
 StatusOr<std::optional<ChangeRecord>> Finish(Part part, const Eigen::Vector3d& up_map, const PlaceCheck& places,
@@ -164,7 +200,7 @@ StatusOr<std::optional<ChangeRecord>> Finish(Part part, const Eigen::Vector3d& u
   MAPP_ASSIGN_OR_RETURN(const PlaceCount of_seen, places.Count(seen_box, options.place_margin_m, part.time));
   const auto num_stayed = static_cast<double>(of_seen.num_stayed);
   if (num_stayed > options.max_stayed_share * (num_stayed + static_cast<double>(ids.size()))) return std::nullopt;
-  const OrientedBox box = WithHiddenPart(seen_box, view_map);
+  MAPP_ASSIGN_OR_RETURN(const OrientedBox box, WholeBox(seen_box, view_map, places, part.time));
   if (change.kind != ChangeKind::kVanished) {
     change.box_after = box;
     change.points_after = std::move(ids);

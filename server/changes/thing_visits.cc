@@ -75,7 +75,8 @@ PresenceEvidence EvidenceOfRays(const Looked& looked, double greatest_density, c
 /// nullopt: points and rays contradict each other, so that the visit tells nothing.
 std::optional<PresenceEvidence> Combine(const PresenceEvidence& of_rays, const PointCounts& of_points,
                                         size_t num_points, const ThingVisitOptions& options) {
-  if (of_points.num_judged() < options.telling_share * static_cast<double>(num_points)) return of_rays;
+  const double telling = std::min(options.telling_points, options.telling_share * static_cast<double>(num_points));
+  if (of_points.num_judged() < telling) return of_rays;
   const bool points_seen = of_points.num_seen > of_points.num_missed;
   if (points_seen != (of_rays.num_seen > of_rays.num_missed)) return std::nullopt;
   const double weight = 0.5 * options.point_weight;

@@ -38,6 +38,7 @@ struct ThingVisitOptions {
   /// Where a session has judged this share of the thing's points, what it says of them counts as well, a point as so
   /// many rays: rays go wrong where something stands close behind, points where surfaces are seen at a flat angle.
   double telling_share = 0.2;
+  double telling_points = 40;
   double point_weight = 0.25;
 };
 

@@ -29,6 +29,22 @@ Extent ExtentWithoutStrays(std::vector<double>& values, double stray_share) {
   return {min - lost, max + lost};
 }
 
+/// How close points lie to the sides of a rectangle (Zhang et al. 2017, closeness criterion of L-shape fitting): of a
+/// thing that was seen from one side they lie along one or two of them, and the smallest rectangle may be turned.
+double Closeness(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3d& x, const Extent& along_x,
+                 const Eigen::Vector3d& y, const Extent& along_y) {
+  constexpr double kLeast_m = 0.05;
+  const Eigen::Vector3f x_map = x.cast<float>(), y_map = y.cast<float>();
+  double sum = 0;
+  for (const Eigen::Vector3f& p : p_map) {
+    const double u = x_map.dot(p), v = y_map.dot(p);
+    const double distance_m = std::min({std::abs(u - along_x.min), std::abs(u - along_x.max), std::abs(v - along_y.min),
+                                        std::abs(v - along_y.max)});
+    sum += 1 / std::max(distance_m, kLeast_m);
+  }
+  return sum;
+}
+
 }  // namespace
 
 Eigen::Vector3d UpDirection(std::span<const FrameRecord> frames) {
@@ -48,7 +64,7 @@ OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vect
     return ExtentWithoutStrays(values, stray_share);
   };
   const Extent height = extent_along(up_map);
-  double least_area_m2 = std::numeric_limits<double>::infinity();
+  double closest = -1;
   Eigen::Matrix3d R_map_box = Eigen::Matrix3d::Identity();
   Extent length, width;
   for (int step = 0; step < kYawSteps; ++step) {
@@ -56,9 +72,9 @@ OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vect
     const Eigen::Vector3d x = std::cos(yaw) * aside + std::sin(yaw) * ahead;
     const Eigen::Vector3d y = up_map.cross(x);
     const Extent along_x = extent_along(x), along_y = extent_along(y);
-    const double area_m2 = std::max(along_x.size(), min_side_m) * std::max(along_y.size(), min_side_m);
-    if (area_m2 >= least_area_m2) continue;
-    least_area_m2 = area_m2;
+    const double closeness = Closeness(p_map, x, along_x, y, along_y);
+    if (closeness <= closest) continue;
+    closest = closeness;
     length = along_x;
     width = along_y;
     R_map_box << x, y, up_map;
@@ -68,22 +84,28 @@ OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vect
   return {Pose3(Eigen::Quaterniond(R_map_box), center), size_m.cwiseMax(min_side_m)};
 }
 
-OrientedBox WithHiddenPart(const OrientedBox& box_map, const Eigen::Vector3d& view_map) {
-  constexpr double kLeastOneSided = 0.3, kWholePerHeight = 1.2, kDepthPerSide = 1.6, kLongestPerHeight = 1.3;
+std::vector<OrientedBox> WithHiddenPart(const OrientedBox& box_map, const Eigen::Vector3d& view_map) {
+  constexpr double kLeastOneSided = 0.3;
+  // What is as wide and high as a vehicle is as long as one; other things are as deep as they are wide.
+  constexpr double kLeastVehicleWidth_m = 1.4, kGreatestVehicleWidth_m = 3.0, kLeastVehicleHeight_m = 0.8;
+  constexpr double kVehicleLength_m = 4.5;
   const Eigen::Vector3d view_box = box_map.T_frame_box.rotation().conjugate() * view_map;
-  const int depth_axis = box_map.size_m.x() < box_map.size_m.y() ? 0 : 1;
-  const double width_m = box_map.size_m[1 - depth_axis], height_m = box_map.size_m.z();
-  if (std::abs(view_box[depth_axis]) < kLeastOneSided) return box_map;
-  if (box_map.size_m[depth_axis] > kWholePerHeight * height_m) return box_map;
-  const double depth_m = kDepthPerSide * std::min(width_m, kLongestPerHeight * height_m);
-  const double added_m = depth_m - box_map.size_m[depth_axis];
-  if (added_m <= 0) return box_map;
-  Eigen::Vector3d shift_box = Eigen::Vector3d::Zero();
-  shift_box[depth_axis] = std::copysign(0.5 * added_m, view_box[depth_axis]);
-  OrientedBox box = box_map;
-  box.size_m[depth_axis] += added_m;
-  box.T_frame_box = box.T_frame_box * Pose3(Eigen::Quaterniond::Identity(), shift_box);
-  return box;
+  const int shorter = box_map.size_m.x() < box_map.size_m.y() ? 0 : 1;
+  std::vector<OrientedBox> boxes;
+  for (const int depth_axis : {shorter, 1 - shorter}) {
+    const double width_m = box_map.size_m[1 - depth_axis];
+    const bool is_vehicle = width_m >= kLeastVehicleWidth_m && width_m <= kGreatestVehicleWidth_m &&
+                            box_map.size_m.z() >= kLeastVehicleHeight_m;
+    const double added_m = (is_vehicle ? kVehicleLength_m : width_m) - box_map.size_m[depth_axis];
+    if (added_m <= 0 || std::abs(view_box[depth_axis]) < kLeastOneSided) continue;
+    Eigen::Vector3d shift_box = Eigen::Vector3d::Zero();
+    shift_box[depth_axis] = std::copysign(0.5 * added_m, view_box[depth_axis]);
+    OrientedBox& box = boxes.emplace_back(box_map);
+    box.size_m[depth_axis] += added_m;
+    box.T_frame_box = box.T_frame_box * Pose3(Eigen::Quaterniond::Identity(), shift_box);
+  }
+  if (boxes.empty()) boxes.push_back(box_map);
+  return boxes;
 }
 
 }  // namespace mapp

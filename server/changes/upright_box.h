@@ -6,6 +6,7 @@
 #include <Eigen/Core>
 
 #include <span>
+#include <vector>
 
 namespace mapp {
 
@@ -19,10 +20,10 @@ Eigen::Vector3d UpDirection(std::span<const FrameRecord> frames);
 OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3d& up_map, double stray_share,
                        double min_side_m);
 
-/// The box made deeper along its shorter side on the ground, away from who looks along `view_map` (mean of the unit
-/// vectors from cameras to points): of a thing seen from one side the far part shows no points. Things are taken to be
-/// half as deep again as they are wide or, when they are long, high (cars, shelves, boxes). A box that is as deep as
-/// that already, or was seen from all around, stays.
-OrientedBox WithHiddenPart(const OrientedBox& box_map, const Eigen::Vector3d& view_map);
+/// The box made deeper along one of its sides on the ground, away from who looks along `view_map` (mean of the unit
+/// vectors from cameras to points): of a thing seen from one side the far part shows no points. What is as wide and
+/// high as a vehicle is taken to be as long as one, other things to be as deep as they are wide. One box for each side
+/// along which something may be hidden, the shorter side's first; the box itself when that is none.
+std::vector<OrientedBox> WithHiddenPart(const OrientedBox& box_map, const Eigen::Vector3d& view_map);
 
 }  // namespace mapp
