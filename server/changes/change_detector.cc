@@ -24,7 +24,7 @@ constexpr double kSureDoubt = 0.05;
 struct Happening {
   ChangeRecord change;
   EventTime time;
-  std::optional<SessionId> only_seen_by;
+  std::vector<SessionId> seen_by;  ///< sessions that saw it there, the nearest to the time first
 };
 
 /// What a thing's points tell together, visit by visit.
@@ -44,10 +44,9 @@ class ThingCourse {
       const bool vanished = posterior.likely[i];
       const auto [first, last] = StayAround(posterior, vanished ? i : i + 1);
       // Seen once and gone: somebody passed, or something stood there for a moment. What stood there before has come back.
-      const bool is_only_once = first == last && !HasOtherStay(posterior, first);
-      if (is_only_once && first > 0 && last + 1 < visits_.size()) continue;
+      if (first == last && first > 0 && last + 1 < visits_.size() && !HasOtherStay(posterior, first)) continue;
       Happening& one = happenings.emplace_back();
-      if (is_only_once) one.only_seen_by = visits_[first].session;
+      one.seen_by = SeenBy(posterior, i);
       ChangeRecord& change = one.change;
       change.kind = vanished ? ChangeKind::kVanished : ChangeKind::kAppeared;
       // From the last visit that is sure of the state before to the first that is sure of the one after.
@@ -89,6 +88,17 @@ class ThingCourse {
       if (k != i && k + 1 != i && posterior.likely[k] && posterior.likely[k + 1]) return true;
     }
     return false;
+  }
+
+  /// Sessions that saw it there, nearest to the change from visit i to the next first.
+  std::vector<SessionId> SeenBy(const PresencePosterior& posterior, size_t i) const {
+    std::vector<SessionId> sessions;
+    for (size_t distance = 0; distance < visits_.size(); ++distance) {
+      if (distance <= i && posterior.likely[i - distance]) sessions.push_back(visits_[i - distance].session);
+      const size_t after = i + 1 + distance;
+      if (after < visits_.size() && posterior.likely[after]) sessions.push_back(visits_[after].session);
+    }
+    return sessions;
   }
 
   const DerivationOptions& options_;
@@ -264,16 +274,22 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
     for (Happening& one : ThingCourse(std::move(of_sessions), options).Happenings()) {
       const ChangeKind kind = thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished;
       if (one.change.kind != kind || event_opened->second <= one.change.after_ns || event_opened->second > one.change.before_ns) continue;
-      if (one.only_seen_by) {
-        MAPP_ASSIGN_OR_RETURN(const double stay_s,
-                              StayInView(points, *one.only_seen_by, maker, options.visits.max_stay_views));
-        if (std::getenv("DEBUG_STAY")) {
-          Eigen::Vector3f m = Eigen::Vector3f::Zero();
-          for (const auto& p : points.p_map) m += p / static_cast<float>(points.p_map.size());
-          std::fprintf(stderr, "STAY %d %.2f s, %zu points at %.1f %.1f %.1f\n", int(one.change.kind), stay_s, points.p_map.size(), m.x(), m.y(), m.z());
-        }
-        if (stay_s < options.min_stay_of_one_visit_s) continue;
+      std::vector<double> stays_s;
+      for (const SessionId session : one.seen_by) {
+        if (stays_s.size() == options.max_stay_sessions) break;
+        MAPP_ASSIGN_OR_RETURN(const std::optional<double> stay, StayInView(points, session, maker, options.visits.max_stay_views));
+        if (stay) stays_s.push_back(*stay);
       }
+      if (std::getenv("DEBUG_STAY")) {
+        Eigen::Vector3f m = Eigen::Vector3f::Zero();
+        for (const auto& p : points.p_map) m += p / static_cast<float>(points.p_map.size());
+        std::fprintf(stderr, "STAY %d", int(one.change.kind));
+        for (double stay_s : stays_s) std::fprintf(stderr, " %.1f", stay_s);
+        std::fprintf(stderr, ", %zu points at %.1f %.1f %.1f\n", points.p_map.size(), m.x(), m.y(), m.z());
+      }
+      if (stays_s.empty()) continue;
+      std::ranges::nth_element(stays_s, stays_s.begin() + static_cast<std::ptrdiff_t>(stays_s.size() / 2));
+      if (stays_s[stays_s.size() / 2] < options.min_stay_of_one_visit_s) continue;
       one.change.map = map;
       Part part{std::move(one.change), one.time, thing.group, {}};
       for (size_t i = 0; i < points.ids.size(); ++i)

@@ -19,13 +19,14 @@ class MapReader;
 struct DerivationOptions {
   GroupingOptions grouping;
   PresenceOptions presence;
+  size_t max_stay_sessions = 5;
   /// Less likely changes are left out.
   double min_confidence = 0.8;
   ThingVisitOptions visits;
   PairingOptions pairing;
   /// What one visit alone has seen is a thing, and not somebody who passed, when it saw it stay for so long
   /// (StayInView).
-  double min_stay_of_one_visit_s = 1.75;
+  double min_stay_of_one_visit_s = 0.65;
   /// Boxes: share of a thing's points at either end that are taken for strays, and the least length of a side.
   double stray_share = 0.06;
   double min_side_m = 0.05;

@@ -125,13 +125,14 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
   return visits;
 }
 
-StatusOr<double> StayInView(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views) {
+StatusOr<std::optional<double>> StayInView(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views) {
   MAPP_ASSIGN_OR_RETURN(auto views, maker.ViewsInto(session, points.BoxMap(), max_views));
   std::ranges::sort(views, {}, [](const auto& view) { return view->stamp_ns; });
   struct Stay {
     int64_t since_ns = 0, until_ns = 0;  ///< the present one
     int64_t longest_ns = -1;
     bool goes_on = false;
+    int64_t in_view_since_ns = 0, in_view_until_ns = -1, in_view_ns = 0;
   };
   std::vector<Stay> stays(points.p_map.size());
   for (const auto& view : views) {
@@ -140,8 +141,12 @@ StatusOr<double> StayInView(const ThingPoints& points, SessionId session, Findin
     for (size_t i = 0; i < points.p_map.size(); ++i) {
       const Eigen::Vector3d p_camera = T_camera_map * points.p_map[i].cast<double>();
       if (p_camera.z() <= 0 || !view->camera.Contains(pinhole.Project(p_camera))) continue;
+      if (p_camera.z() > view->geometry.farthest_depth_m()) continue;
       const SurfaceSighting sighting = view->geometry.At(p_camera.cast<float>());
       Stay& stay = stays[i];
+      if (stay.in_view_until_ns < 0 || view->stamp_ns - stay.in_view_until_ns > kMaxBreakNs) stay.in_view_since_ns = view->stamp_ns;
+      stay.in_view_until_ns = view->stamp_ns;
+      stay.in_view_ns = std::max(stay.in_view_ns, stay.in_view_until_ns - stay.in_view_since_ns);
       if (sighting == SurfaceSighting::kMissed) stay.goes_on = false;
       if (sighting != SurfaceSighting::kSeen) continue;
       if (!stay.goes_on || view->stamp_ns - stay.until_ns > kMaxBreakNs) stay.since_ns = view->stamp_ns;
@@ -150,14 +155,19 @@ StatusOr<double> StayInView(const ThingPoints& points, SessionId session, Findin
       stay.longest_ns = std::max(stay.longest_ns, stay.until_ns - stay.since_ns);
     }
   }
-  std::vector<int64_t> stays_ns;
+  std::vector<double> shares;
+  std::vector<int64_t> in_view_ns;
   for (const Stay& stay : stays) {
-    if (stay.longest_ns >= 0) stays_ns.push_back(stay.longest_ns);
+    if (stay.longest_ns < 0) continue;
+    shares.push_back(static_cast<double>(stay.longest_ns) / std::clamp(static_cast<double>(stay.in_view_ns), .75e9, 3e9));
+    in_view_ns.push_back(stay.in_view_ns);
   }
-  if (stays_ns.empty()) return 0.0;
-  const auto middle = stays_ns.begin() + static_cast<std::ptrdiff_t>(stays_ns.size() / 2);
-  std::nth_element(stays_ns.begin(), middle, stays_ns.end());
-  return 1e-9 * static_cast<double>(*middle);
+  if (shares.empty()) return std::nullopt;
+  const auto middle = static_cast<std::ptrdiff_t>(shares.size() / 2);
+  std::ranges::nth_element(in_view_ns, in_view_ns.begin() + middle);
+  if (in_view_ns[static_cast<size_t>(middle)] < 400'000'000) return std::nullopt;
+  std::ranges::nth_element(shares, shares.begin() + middle);
+  return shares[static_cast<size_t>(middle)];
 }
 
 }  // namespace mapp

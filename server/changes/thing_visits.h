@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <map>
+#include <optional>
 #include <span>
 #include <vector>
 
@@ -62,6 +63,6 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
 /// How long one session saw a thing stand where it is: for half of the points that it saw at all, at least so long
 /// passed between the first and the last of its views that measured a surface there. What moves leaves the place of a
 /// point within a fraction of its own length. Seconds; 0 when no view saw it.
-StatusOr<double> StayInView(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views);
+StatusOr<std::optional<double>> StayInView(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views);
 
 }  // namespace mapp
