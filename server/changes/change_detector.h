@@ -4,6 +4,7 @@
 #include "server/changes/presence.h"
 #include "server/changes/session_findings.h"
 #include "server/changes/thing_groups.h"
+#include "server/changes/thing_stay.h"
 #include "server/changes/thing_visits.h"
 #include "storage/records.h"
 
@@ -19,19 +20,16 @@ class MapReader;
 struct DerivationOptions {
   GroupingOptions grouping;
   PresenceOptions presence;
-  size_t max_stay_sessions = 5;
   /// Less likely changes are left out.
   double min_confidence = 0.8;
   ThingVisitOptions visits;
+  StayOptions stay;
   PairingOptions pairing;
-  /// What one visit alone has seen is a thing, and not somebody who passed, when it saw it stay for so long
-  /// (StayInView).
-  double min_stay_of_one_visit_s = 0.65;
+  /// Fewer points that tell of a change are chance.
+  size_t min_points = 40;
   /// Boxes: share of a thing's points at either end that are taken for strays, and the least length of a side.
   double stray_share = 0.06;
   double min_side_m = 0.05;
-  /// Fewer points that tell of a change are chance.
-  size_t min_points = 40;
   /// What is lower than this is taken for a patch of floor or ceiling: seen at a flat angle, they come and go.
   double min_height_m = 0.6;
   /// Parts of one thing that changed alike lie no further apart than this.
@@ -44,7 +42,7 @@ struct DerivationOptions {
   int64_t to_ns = std::numeric_limits<int64_t>::max();
 };
 
-/// The changes that findings tell of, by the time they happened and then by their points; ids, status and revision are
+/// The changes that findings tell of, by the time by which they had happened; ids, status and revision are
 /// left to the caller. The same findings give the same changes. `sessions`: all of the map; `frames`: those that stand
 /// in it.
 StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, std::span<const SessionRecord> sessions,

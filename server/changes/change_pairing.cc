@@ -48,14 +48,13 @@ void Join(ChangeRecord& vanished, ChangeRecord&& appeared) {
 
 }  // namespace
 
-std::vector<ChangeRecord> JoinInside(std::vector<ChangeRecord> changes) {
-  // The one with more points says best where the thing is.
-  std::ranges::stable_sort(changes, std::greater(), NumPoints);
+std::vector<ChangeRecord> JoinInside(std::vector<FoundChange> found) {
+  std::ranges::stable_sort(found, std::greater(), [](const FoundChange& one) { return NumPoints(one.change); });
   std::vector<ChangeRecord> joined;
-  for (ChangeRecord& change : changes) {
+  for (auto& [change, seen_box] : found) {
+    const Eigen::Vector3d& center_map = seen_box.T_frame_box.translation();
     const auto whole = std::ranges::find_if(joined, [&](const ChangeRecord& other) {
-      return other.kind == change.kind && MayBeAtOnce(other, change) &&
-             BoxOf(other).Contains(BoxOf(change).T_frame_box.translation());
+      return other.kind == change.kind && MayBeAtOnce(other, change) && BoxOf(other).Contains(center_map);
     });
     if (whole == joined.end()) {
       joined.push_back(std::move(change));

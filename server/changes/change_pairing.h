@@ -1,6 +1,7 @@
 #pragma once
 
 #include "mapp/base/status.h"
+#include "mapp/geometry/oriented_box.h"
 #include "storage/records.h"
 
 #include <vector>
@@ -18,9 +19,14 @@ struct PairingOptions {
   double min_share = 0.1;
 };
 
-/// Changes of which one may be a part of another, with the same kind and time, as one: a box whose centre lies in the
-/// other's is taken into it.
-std::vector<ChangeRecord> JoinInside(std::vector<ChangeRecord> changes);
+struct FoundChange {
+  ChangeRecord change;   ///< with the box of the whole thing
+  OrientedBox seen_box;  ///< of what was seen of it
+};
+
+/// Changes of which one may be a part of another, with the same kind and time, as one: what was seen with its centre in
+/// another's box is taken into it. The one with more points says where the thing is.
+std::vector<ChangeRecord> JoinInside(std::vector<FoundChange> found);
 
 /// What vanished and appeared elsewhere at the same time, looking the same, has moved: one record for two, the surest
 /// pairs first.

@@ -42,15 +42,14 @@ StatusOr<PlaceCount> PlaceCheck::Count(const OrientedBox& box_map, double margin
   for (const auto& tile : tiles) {
     for (const SightedPoint& point : *tile) {
       if (!box_map.Contains(point.p_map.cast<double>(), margin_m)) continue;
-      if (!seen_by(end_before - num_before, num_before, point.id)) continue;
-      if (seen_by(begin_after, num_after, point.id)) {
-        ++count.num_stayed;
-      } else {
-        count.untold.push_back(point.id);
-      }
+      const bool was_seen = seen_by(end_before - num_before, num_before, point.id);
+      const bool is_seen = seen_by(begin_after, num_after, point.id);
+      if (was_seen && !is_seen) count.gone.push_back(point.id);
+      count.num_stayed += was_seen && is_seen ? 1 : 0;
+      count.num_came += !was_seen && is_seen ? 1 : 0;
     }
   }
-  std::ranges::sort(count.untold);
+  std::ranges::sort(count.gone);
   return count;
 }
 

@@ -6,9 +6,6 @@
 namespace mapp {
 namespace {
 
-/// Somebody may pass the same place twice: between views that saw a thing stay there is not more time than this.
-constexpr int64_t kMaxBreakNs = 1'000'000'000;
-
 struct PointCounts {
   size_t num_seen = 0, num_missed = 0;
   double num_judged() const { return static_cast<double>(num_seen + num_missed); }
@@ -114,60 +111,11 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
     if (one.num_views == 0) continue;
     const PresenceEvidence of_rays = EvidenceOfRays(one, greatest_density, options);
     const auto evidence = Combine(of_rays, counts.at(one.session), histories.size(), options);
-    if (std::getenv("DEBUG_VISITS")) {
-      const Eigen::Vector3d c = points.BoxMap().center();
-      std::fprintf(stderr, "VISIT s%llu thing of %zu at %.1f %.1f %.1f: points %zu seen %zu missed; rays %.0f hits %.0f passed, %zu views, expected %.0f; evidence of rays %.1f %.1f -> %s %.1f %.1f\n", (unsigned long long)one.session.value(), points.p_map.size(), c.x(), c.y(), c.z(), counts.at(one.session).num_seen, counts.at(one.session).num_missed, one.num_hits, one.num_passed, one.num_views, one.NumExpected(options.least_density_share * greatest_density), of_rays.num_seen, of_rays.num_missed, evidence ? "" : "none", evidence ? evidence->num_seen : 0, evidence ? evidence->num_missed : 0);
-    }
     if (!evidence || evidence->num_seen + evidence->num_missed < least) continue;
-    visits.push_back({one.session, *evidence});
+    visits.push_back({one.session, *evidence, one.num_passed > one.num_hits});
   }
   std::ranges::stable_sort(visits, {}, [](const ThingVisit& visit) { return visit.evidence.time_ns; });
   return visits;
-}
-
-StatusOr<std::optional<double>> StayInView(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views) {
-  MAPP_ASSIGN_OR_RETURN(auto views, maker.ViewsInto(session, points.BoxMap(), max_views));
-  std::ranges::sort(views, {}, [](const auto& view) { return view->stamp_ns; });
-  struct Stay {
-    int64_t since_ns = 0, until_ns = 0;  ///< the present one
-    int64_t longest_ns = -1;
-    bool goes_on = false;
-    int64_t in_view_since_ns = 0, in_view_until_ns = -1, in_view_ns = 0;
-  };
-  std::vector<Stay> stays(points.p_map.size());
-  for (const auto& view : views) {
-    const Pose3 T_camera_map = view->T_map_camera.Inverse();
-    const PinholeCamera pinhole = view->camera.Undistorted();
-    for (size_t i = 0; i < points.p_map.size(); ++i) {
-      const Eigen::Vector3d p_camera = T_camera_map * points.p_map[i].cast<double>();
-      if (p_camera.z() <= 0 || !view->camera.Contains(pinhole.Project(p_camera))) continue;
-      if (p_camera.z() > view->geometry.farthest_depth_m()) continue;
-      const SurfaceSighting sighting = view->geometry.At(p_camera.cast<float>());
-      Stay& stay = stays[i];
-      if (stay.in_view_until_ns < 0 || view->stamp_ns - stay.in_view_until_ns > kMaxBreakNs) stay.in_view_since_ns = view->stamp_ns;
-      stay.in_view_until_ns = view->stamp_ns;
-      stay.in_view_ns = std::max(stay.in_view_ns, stay.in_view_until_ns - stay.in_view_since_ns);
-      if (sighting == SurfaceSighting::kMissed) stay.goes_on = false;
-      if (sighting != SurfaceSighting::kSeen) continue;
-      if (!stay.goes_on || view->stamp_ns - stay.until_ns > kMaxBreakNs) stay.since_ns = view->stamp_ns;
-      stay.goes_on = true;
-      stay.until_ns = view->stamp_ns;
-      stay.longest_ns = std::max(stay.longest_ns, stay.until_ns - stay.since_ns);
-    }
-  }
-  std::vector<double> shares;
-  std::vector<int64_t> in_view_ns;
-  for (const Stay& stay : stays) {
-    if (stay.longest_ns < 0) continue;
-    shares.push_back(static_cast<double>(stay.longest_ns) / std::clamp(static_cast<double>(stay.in_view_ns), .75e9, 3e9));
-    in_view_ns.push_back(stay.in_view_ns);
-  }
-  if (shares.empty()) return std::nullopt;
-  const auto middle = static_cast<std::ptrdiff_t>(shares.size() / 2);
-  std::ranges::nth_element(in_view_ns, in_view_ns.begin() + middle);
-  if (in_view_ns[static_cast<size_t>(middle)] < 400'000'000) return std::nullopt;
-  std::ranges::nth_element(shares, shares.begin() + middle);
-  return shares[static_cast<size_t>(middle)];
 }
 
 }  // namespace mapp

@@ -9,7 +9,6 @@
 
 #include <cstdint>
 #include <map>
-#include <optional>
 #include <span>
 #include <vector>
 
@@ -17,7 +16,6 @@ namespace mapp {
 
 /// A thing's points as they are in the map.
 struct ThingPoints {
-  std::vector<MapPointId> ids;
   std::vector<Eigen::Vector3f> p_map;
   std::vector<Eigen::Vector3f> directions;  ///< unit, mean of (point - camera centre)
 
@@ -28,16 +26,16 @@ struct ThingVisitOptions {
   /// A session is asked about a thing when it has judged so many of its points, and this share of them.
   size_t min_judged_points = 4;
   double min_judged_share = 0.15;
-  /// Views of a session that are asked, the nearest first; and of those that are asked how long it stayed.
+  /// Views of a session that are asked, the nearest first.
   size_t max_views = 16;
-  size_t max_stay_views = 64;
   /// Views of one session see the same things again: all of them together count as so many.
   double independent_views = 2;
   /// A thing that is there brings about this share at least of the own points, for its size in the image, that it did
   /// in the visit that saw it best.
   double least_density_share = 0.7;
-  /// Where a session has judged this share of the thing's points, what it says of them counts as well, a point as so
-  /// many rays: rays go wrong where something stands close behind, points where surfaces are seen at a flat angle.
+  /// Where a session has judged this share of the thing's points, or so many, what it says of them counts as well, a
+  /// point as so many rays: rays go wrong where something stands close behind, points where surfaces are seen at a flat
+  /// angle.
   double telling_share = 0.2;
   double telling_points = 40;
   double point_weight = 0.25;
@@ -47,6 +45,7 @@ struct ThingVisitOptions {
 struct ThingVisit {
   SessionId session;
   PresenceEvidence evidence;
+  bool was_passed = false;  ///< more rays went on beyond the thing than ended at it
 };
 
 /// Asks the views of each session that has judged points of the thing (`histories`) where their rays ended. By when the
@@ -59,10 +58,5 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
                                                 std::span<const PointHistory* const> histories,
                                                 const std::map<SessionId, int64_t>& opened_ns, FindingsMaker& maker,
                                                 const ThingVisitOptions& options);
-
-/// How long one session saw a thing stand where it is: for half of the points that it saw at all, at least so long
-/// passed between the first and the last of its views that measured a surface there. What moves leaves the place of a
-/// point within a fraction of its own length. Seconds; 0 when no view saw it.
-StatusOr<std::optional<double>> StayInView(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views);
 
 }  // namespace mapp

@@ -86,7 +86,7 @@ OrientedBox UprightBox(std::span<const Eigen::Vector3f> p_map, const Eigen::Vect
 
 std::vector<OrientedBox> WithHiddenPart(const OrientedBox& box_map, const Eigen::Vector3d& view_map) {
   constexpr double kLeastOneSided = 0.3;
-  // What is as wide and high as a vehicle is as long as one; other things are as deep as they are wide.
+  // What is as wide and high as a vehicle is as long as one; other things are as deep as they are wide or high.
   constexpr double kLeastVehicleWidth_m = 1.4, kGreatestVehicleWidth_m = 3.0, kLeastVehicleHeight_m = 0.8;
   constexpr double kVehicleLength_m = 4.5;
   const Eigen::Vector3d view_box = box_map.T_frame_box.rotation().conjugate() * view_map;
@@ -96,7 +96,8 @@ std::vector<OrientedBox> WithHiddenPart(const OrientedBox& box_map, const Eigen:
     const double width_m = box_map.size_m[1 - depth_axis];
     const bool is_vehicle = width_m >= kLeastVehicleWidth_m && width_m <= kGreatestVehicleWidth_m &&
                             box_map.size_m.z() >= kLeastVehicleHeight_m;
-    const double added_m = (is_vehicle ? kVehicleLength_m : width_m) - box_map.size_m[depth_axis];
+    const double depth_m = is_vehicle ? kVehicleLength_m : std::max(width_m, box_map.size_m.z());
+    const double added_m = depth_m - box_map.size_m[depth_axis];
     if (added_m <= 0 || std::abs(view_box[depth_axis]) < kLeastOneSided) continue;
     Eigen::Vector3d shift_box = Eigen::Vector3d::Zero();
     shift_box[depth_axis] = std::copysign(0.5 * added_m, view_box[depth_axis]);
