@@ -1,5 +1,6 @@
 #include "eval/harness/visible_changes.h"
 
+#include "mapp/geometry/oriented_box.h"
 #include "sim/features/feature_camera.h"
 
 #include <algorithm>
@@ -57,6 +58,38 @@ class Looker {
   std::vector<std::unique_ptr<sim::FeatureCamera>> cameras_;
 };
 
+/// Boxes that have so much in common are of one place (ChangeMatching).
+constexpr double kSamePlaceIou = 0.2;
+
+/// Whether something else stands where the object stood or stands.
+bool IsTaken(const sim::World& world, uint32_t object_id, const Pose3& T_world_object, int64_t scene_ns) {
+  const auto object = std::ranges::find(world.objects, object_id, &sim::WorldObject::id);
+  const OrientedBox place{T_world_object, object->size_m};
+  return std::ranges::any_of(world.objects, [&](const sim::WorldObject& other) {
+    if (other.id == object_id) return false;
+    const std::optional<Pose3>& T_world_other = other.At(scene_ns);
+    return T_world_other && IntersectionOverUnion(place, {*T_world_other, other.size_m}) >= kSamePlaceIou;
+  });
+}
+
+/// Whether the change leaves a place empty, or fills an empty one, between the visits around it: the shape of a place
+/// says nothing of one like thing that was put in place of another.
+bool ChangesAPlace(const sim::World& world, const sim::WorldChange& change, std::span<const sim::Visit> visits) {
+  int64_t before_ns = change.stamp_ns - 1, after_ns = change.stamp_ns;
+  for (const sim::Visit& visit : visits) {
+    const int64_t begun_ns = visit.poses.front().stamp_ns;
+    if (begun_ns < change.stamp_ns) before_ns = visit.poses.back().stamp_ns;
+    if (begun_ns < change.stamp_ns) continue;
+    after_ns = begun_ns;
+    break;
+  }
+  const bool leaves =
+      change.T_world_object_before && !IsTaken(world, change.object_id, *change.T_world_object_before, after_ns);
+  const bool fills =
+      change.T_world_object_after && !IsTaken(world, change.object_id, *change.T_world_object_after, before_ns);
+  return leaves || fills;
+}
+
 }  // namespace
 
 StatusOr<SortedChanges> SortChanges(const std::shared_ptr<const sim::FeatureWorld>& world,
@@ -71,7 +104,8 @@ StatusOr<SortedChanges> SortChanges(const std::shared_ptr<const sim::FeatureWorl
       }
       return true;
     };
-    const bool is_visible = is_seen(change.T_world_object_before, change.stamp_ns - 1) &&
+    const bool is_visible = ChangesAPlace(world->world(), change, visits) &&
+                            is_seen(change.T_world_object_before, change.stamp_ns - 1) &&
                             is_seen(change.T_world_object_after, change.stamp_ns);
     (is_visible ? sorted.visible : sorted.others).push_back(change);
   }

@@ -68,9 +68,8 @@ StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const
   }
   MAPP_ASSIGN_OR_RETURN(const std::vector<ThingVisit> visits,
                         VisitsOfThing(points, histories, opened_ns, maker, options.visits));
-  std::optional<Happening> happening =
-      HappeningAt(visits, thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished, event_opened->second,
-                  options.presence);
+  std::optional<Happening> happening = HappeningAt(
+      visits, thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished, event_opened->second, options.presence);
   if (!happening || happening->confidence < options.min_confidence) return std::nullopt;
   MAPP_ASSIGN_OR_RETURN(const bool is_standing, IsStanding(points, happening->seen_by, maker, options.stay));
   if (!is_standing) return std::nullopt;

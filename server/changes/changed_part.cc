@@ -36,9 +36,9 @@ void Unite(std::vector<SessionId>& into, const std::vector<SessionId>& more) {
 void Absorb(ChangedPart& into, ChangedPart&& part) {
   Happening& happening = into.happening;
   const EventTime& time = part.happening.time;
-  happening.time = {
-      std::max(happening.time.since_ns, time.since_ns), std::max(happening.time.after_ns, time.after_ns),
-      std::min(happening.time.before_ns, time.before_ns), std::min(happening.time.until_ns, time.until_ns)};
+  happening.time = {std::max(happening.time.since_ns, time.since_ns), std::max(happening.time.after_ns, time.after_ns),
+                    std::min(happening.time.before_ns, time.before_ns),
+                    std::min(happening.time.until_ns, time.until_ns)};
   happening.first_seen_ns = std::min(happening.first_seen_ns, part.happening.first_seen_ns);
   happening.last_seen_ns = std::max(happening.last_seen_ns, part.happening.last_seen_ns);
   happening.confidence = std::max(happening.confidence, part.happening.confidence);

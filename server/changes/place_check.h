@@ -21,9 +21,9 @@ struct EventTime {
 
 /// What the map's points say of the place where a thing is said to have come or gone.
 struct PlaceCount {
-  size_t num_stayed = 0;          ///< points that were seen there both before and after
-  size_t num_came = 0;            ///< seen after, and by nobody before
-  std::vector<MapPointId> gone;   ///< seen before, and by nobody after: by id
+  size_t num_stayed = 0;         ///< points that were seen there both before and after
+  size_t num_came = 0;           ///< seen after, and by nobody before
+  std::vector<MapPointId> gone;  ///< seen before, and by nobody after: by id
 };
 
 /// Asks all findings about single places. Borrows what it is given.

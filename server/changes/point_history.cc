@@ -1,19 +1,14 @@
 #include "server/changes/point_history.h"
 
-#include "server/changes/neighbor_grid.h"
-
 #include <algorithm>
-#include <limits>
 #include <map>
-#include <numeric>
-#include <unordered_map>
 #include <unordered_set>
 #include <utility>
 
 namespace mapp {
 namespace {
 
-/// So many views that say the same are no chance, even of one visit between others that say the opposite.
+/// So many views that see a place taken are no chance, even of one visit between others that saw it free.
 constexpr uint16_t kSureViews = 3;
 /// A point that comes and goes more often is one that views do not agree on.
 constexpr size_t kMaxSwitches = 4;
@@ -61,10 +56,8 @@ std::optional<PointCourse> CourseOf(const PointHistory& history) {
   PointCourse course;
   for (size_t i = 0; i < decided.size(); ++i) {
     const PointHistory::Visit& visit = *decided[i];
-    bool is_there = visit.seen();
-    const bool is_alone =
-        i > 0 && i + 1 < decided.size() && decided[i - 1]->seen() != is_there && decided[i + 1]->seen() != is_there;
-    if (is_alone && is_there && visit.num_seen < kSureViews) is_there = false;
+    const bool is_alone = i > 0 && i + 1 < decided.size() && decided[i - 1]->missed() && decided[i + 1]->missed();
+    const bool is_there = visit.seen() && !(is_alone && visit.num_seen < kSureViews);
     course.visits.push_back({visit.session, is_there});
   }
   size_t num_switches = 0, num_there = 0;

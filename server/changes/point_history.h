@@ -36,10 +36,10 @@ struct PointCourse {
   std::vector<Visit> visits;
 };
 
-/// The history without chance: a visit that contradicts those before and after it counts only when several of its views
-/// say so. nullopt where it tells of no thing that stays: the point was always there or never, one visit alone saw it
-/// and others before and after did not (somebody passed, or something stood there for a moment), or visits do not
-/// agree.
+/// The history without chance: a visit that sees a surface where those before and after it saw none counts only when
+/// several of its views say so, for at flat angles what lies near is taken for the place itself. nullopt where it tells
+/// of no thing that stays: the point was always there or never, one visit alone saw it and others before and after did
+/// not (somebody passed, or something stood there for a moment), or visits do not agree.
 std::optional<PointCourse> CourseOf(const PointHistory& history);
 
 }  // namespace mapp

@@ -38,8 +38,8 @@ double Closeness(std::span<const Eigen::Vector3f> p_map, const Eigen::Vector3d& 
   double sum = 0;
   for (const Eigen::Vector3f& p : p_map) {
     const double u = x_map.dot(p), v = y_map.dot(p);
-    const double distance_m = std::min({std::abs(u - along_x.min), std::abs(u - along_x.max), std::abs(v - along_y.min),
-                                        std::abs(v - along_y.max)});
+    const double distance_m = std::min(
+        {std::abs(u - along_x.min), std::abs(u - along_x.max), std::abs(v - along_y.min), std::abs(v - along_y.max)});
     sum += 1 / std::max(distance_m, kLeast_m);
   }
   return sum;

@@ -37,12 +37,14 @@ TEST(PointHistoryTest, ComingAndGoingStandsOut) {
 }
 
 TEST(PointHistoryTest, ChanceDoesNot) {
-  EXPECT_EQ(Course("ssmsss"), "");
+  EXPECT_EQ(Course("mmsmmm"), "");
   EXPECT_EQ(Course("ssssss"), "");
   EXPECT_EQ(Course(""), "");
 }
 
-TEST(PointHistoryTest, ManyViewsAreNoChance) { EXPECT_EQ(Course("ssMsss"), "ssmsss"); }
+TEST(PointHistoryTest, ManyViewsAreNoChance) { EXPECT_EQ(Course("ssmmSmss"), "ssmmsmss"); }
+
+TEST(PointHistoryTest, OneVisitMayFindAPlaceFree) { EXPECT_EQ(Course("ssmsss"), "ssmsss"); }
 
 TEST(PointHistoryTest, WhoPassesDoesNotStay) {
   EXPECT_EQ(Course("mmSmm"), "");

@@ -49,13 +49,19 @@ TEST(UprightBoxTest, AThingSeenFromOneSideReachesAway) {
   upright.T_frame_box = Pose3(Eigen::Quaterniond((Eigen::Matrix3d() << 1, 0, 0, 0, 0, -1, 0, 1, 0).finished()),
                               face.T_frame_box.translation());
   upright.size_m = {1.8, 0.4, 1.4};
-  const OrientedBox whole = WithHiddenPart(upright, {0, 0, 1});
+  const std::vector<OrientedBox> boxes = WithHiddenPart(upright, {0, 0, 1});
+  ASSERT_EQ(boxes.size(), 1U);
+  const OrientedBox& whole = boxes.front();
   EXPECT_GT(whole.size_m.y(), 2);
   EXPECT_GT(whole.T_frame_box.translation().z(), 5.8);
   EXPECT_TRUE(whole.Contains({0, -0.7, 4.81}));
   EXPECT_FALSE(whole.Contains({0, -0.7, 4.7}));
   // From all around nothing is hidden.
-  EXPECT_EQ(WithHiddenPart(upright, {0, 0, 0.1}).size_m, upright.size_m);
+  EXPECT_EQ(WithHiddenPart(upright, {0, 0, 0.1}).front().size_m, upright.size_m);
+  // From a corner either side may go on.
+  EXPECT_EQ(WithHiddenPart(upright, {0.7, 0, 0.7}).size(), 1U);  // it is as long as it is high
+  upright.size_m.x() = 0.8;
+  EXPECT_EQ(WithHiddenPart(upright, {0.7, 0, 0.7}).size(), 2U);
 }
 
 }  // namespace
