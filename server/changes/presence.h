@@ -16,7 +16,8 @@ struct PresenceEvidence {
 /// Parameters of the persistence posterior, with their sources.
 struct PresenceOptions {
   /// Probability that a point of a thing that is there is judged missed, and that one of a thing that is gone is judged
-  /// seen (Rosen et al. 2016, P_M and P_F). Measured in simulated garages and halls, see docs/evaluation.
+  /// seen (Rosen et al. 2016, P_M and P_F). Chosen, not measured: looser than what points of simulated garages showed
+  /// (a few of a hundred either way), for places where nobody has measured.
   double miss_if_present = 0.1;
   double see_if_absent = 0.15;
   /// These rates differ from thing to thing and from view to view: each is of a beta distribution with this mean, as if

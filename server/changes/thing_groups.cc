@@ -18,8 +18,9 @@ namespace {
 /// say the same of the other.
 constexpr double kMinAgreement = 0.75;
 
-// Of SplitAtNecks: points that have so many neighbours within kDensityRadiusM as this share of the median are core
-// points; core points further apart than kCoreGapM belong to different parts, which hold a share of all points each.
+// Of SplitAtNecks, for things of so many points: those with as many neighbours within kDensityRadiusM as kCoreDensity
+// of the median are core points; core points further apart than kCoreGapM belong to different parts, if these have at
+// least kLeastPart of them.
 constexpr size_t kMinSplitPoints = 150;
 constexpr float kDensityRadiusM = 0.25F;
 constexpr double kCoreDensity = 0.1;
