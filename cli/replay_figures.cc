@@ -39,6 +39,7 @@ void FillFrames(const std::vector<PlayedFrame>& frames, ReplayReport& report) {
   for (const PlayedFrame& frame : frames) {
     report.frames_tracked += frame.tracked ? 1 : 0;
     report.frames_on_shared_map += frame.on_shared_map ? 1 : 0;
+    if (frame.on_shared_map) report.shared_matches += static_cast<uint64_t>(frame.num_shared_matches);
     if (frame.on_shared_map && !was_on_shared_map) report.sharing_started_ns.push_back(frame.stamp_ns);
     was_on_shared_map = frame.on_shared_map;
 

@@ -44,6 +44,7 @@ StatusOr<PlayedFrame> PlayFrame(const ReplaySource& source, size_t frame_idx, Re
   return PlayedFrame{.stamp_ns = source.stamp_ns(frame_idx),
                      .tracked = tracked,
                      .on_shared_map = tracked && tracking.on_shared_map,
+                     .num_shared_matches = tracking.num_shared_matches,
                      .role = RoleOf(tracking),
                      .tracking_ms = tracking.tracking_ms,
                      .tracking_cpu_ms = tracking.tracking_cpu_ms,

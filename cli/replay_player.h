@@ -16,6 +16,7 @@ struct PlayedFrame {
   int64_t stamp_ns = 0;
   bool tracked = false;
   bool on_shared_map = false;
+  int num_shared_matches = 0;  ///< points of the shared map that it was localized by
   FrameRole role = FrameRole::kOrdinary;
   double tracking_ms = 0;
   double tracking_cpu_ms = 0;    ///< of the tracking thread

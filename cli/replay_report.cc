@@ -132,6 +132,8 @@ std::string FormatJson(const ReplayReport& report) {
   json.Field("query_bytes", report.query_bytes).Field("response_bytes_mean", report.response_bytes_mean);
   json.Field("download_bytes", report.download_bytes).Field("shared_map_requests", report.shared_map_requests);
   json.Field("frames_on_shared_map", report.frames_on_shared_map);
+  json.Field("shared_matches_mean",
+             Ratio(static_cast<double>(report.shared_matches), static_cast<double>(report.frames_on_shared_map)));
   json.Field("sharing_failures", report.sharing_failures).Field("update_reports", report.update_reports);
   json.Field("cached_tiles", report.cached_tiles).Field("retries", report.retries);
   json.Key("sharing_started_ns").BeginArray();

@@ -89,6 +89,7 @@ struct ReplayReport {
   uint64_t frames_tracked = 0;  ///< with a pose
   uint64_t frames_aligned = 0;  ///< of these, with a pose in the map in the end
   uint64_t frames_on_shared_map = 0;
+  uint64_t shared_matches = 0;  ///< points of the shared map that these were localized by, over all of them
   /// Stamps of the frames on the shared map whose predecessor was not.
   std::vector<int64_t> sharing_started_ns;
   uint64_t keyframes = 0;                       ///< made by the device

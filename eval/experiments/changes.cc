@@ -14,15 +14,12 @@
 #include <fmt/format.h>
 
 #include <algorithm>
-#include <filesystem>
 #include <fstream>
 #include <map>
 #include <numbers>
 
 namespace mapp {
 namespace {
-
-namespace fs = std::filesystem;
 
 constexpr double kGoodIou = 0.3;
 
@@ -99,16 +96,6 @@ struct Outcome {
   std::optional<ChangeDetection> rerun;
   std::optional<ChangeDetection> after_one_more;
 };
-
-/// A copy of a fleet's database, for a server of its own: detection writes, and the lab may hand the map out again.
-StatusOr<std::string> CopyMap(const FleetFigures& fleet, const std::string& folder) {
-  std::error_code error;
-  fs::create_directories(folder, error);
-  const std::string copy = folder + "/map.db";
-  if (!error) fs::copy_file(fleet.database, copy, fs::copy_options::overwrite_existing, error);
-  if (error) return absl::ResourceExhaustedError(fmt::format("{}: {}", copy, error.message()));
-  return copy;
-}
 
 Status CountMap(const std::string& database, Outcome& outcome) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapStore> store, OpenSqliteMapStore(database, {.read_only = true}));
@@ -208,7 +195,7 @@ class Histographer {
                          LevelName(spec.level));
     MAPP_ASSIGN_OR_RETURN(const auto fleet, context_.lab.Run(spec));
     const std::string folder = fmt::format("{}/changes_{:03d}", context_.lab.options().work_folder, num_measured_++);
-    MAPP_ASSIGN_OR_RETURN(const std::string database, CopyMap(*fleet, folder));
+    MAPP_ASSIGN_OR_RETURN(const std::string database, CopyDatabase(fleet->database, folder));
     if (history.is_displaced) {
       MAPP_RETURN_IF_ERROR(DisplaceSessions(database, kMaxOffset_m, kMaxTurn_rad, world.seed));
     }

@@ -22,6 +22,7 @@ const std::vector<Experiment>& Experiments() {
       {"sharing", "Map sharing: what it saves the device", {"garage", "plaza"}, RunSharing},
       {"alpha", "How far a shared map reaches", {"garage"}, RunAlpha},
       {"changes", "Changes of the world: found and invented", {"garage", "hall"}, RunChanges},
+      {"accepted", "Accepted removals: what the next device gains", {"garage"}, RunAcceptedChanges},
       {"overlap", "Overlap estimators against the oracle", {"garage", "plaza", "hall"}, RunOverlap},
       {"adapter", "Recorded keyframes through the adapter", {}, RunAdapter, /*needs_recording=*/true},
   };

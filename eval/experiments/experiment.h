@@ -63,6 +63,8 @@ StatusOr<ExperimentResult> RunAlpha(EvalContext& context);
 StatusOr<ExperimentResult> RunOverlap(EvalContext& context);
 /// Not in the paper: what DetectChanges finds in histories of worlds whose true changes are known.
 StatusOr<ExperimentResult> RunChanges(EvalContext& context);
+/// Not in the paper: localization on a map whose removals were accepted.
+StatusOr<ExperimentResult> RunAcceptedChanges(EvalContext& context);
 /// Not in the paper: keyframes of EvalContext::recorded (stereo, with ground truth) from a SLAM system that only knows
 /// a drifting odometry, in three sessions of one map. NOT_FOUND, INVALID_ARGUMENT: no such recording.
 StatusOr<ExperimentResult> RunAdapter(EvalContext& context);

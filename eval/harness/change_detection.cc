@@ -11,6 +11,7 @@
 #include <grpcpp/create_channel.h>
 
 #include <chrono>
+#include <filesystem>
 #include <map>
 #include <optional>
 
@@ -58,13 +59,14 @@ Eigen::Vector3d AnyDirection(Rng& rng) {
 
 }  // namespace
 
-StatusOr<ChangeDetection> DetectChanges(const std::string& address, const std::stop_token& stop) {
+StatusOr<ChangeDetection> DetectChanges(const std::string& address, const std::stop_token& stop, double auto_accept) {
   grpc::ChannelArguments arguments;
   arguments.SetMaxReceiveMessageSize(-1);  // changes name their points
   const auto stub =
       v1::AdminService::NewStub(grpc::CreateCustomChannel(address, grpc::InsecureChannelCredentials(), arguments));
   v1::DetectChangesRequest request;
   request.set_name(kEvalMapName);
+  request.set_auto_accept(auto_accept);
   grpc::ClientContext context;
   context.set_deadline(std::chrono::system_clock::now() + kDetectTimeout);
   const std::stop_callback cancel(stop, [&context] { context.TryCancel(); });
@@ -76,6 +78,7 @@ StatusOr<ChangeDetection> DetectChanges(const std::string& address, const std::s
   MAPP_RETURN_IF_ERROR(Annotate(FromGrpcStatus(reader->Finish()), "DetectChanges"));
   if (!result) return absl::DataLossError("DetectChanges: no result");
   ChangeDetection detection;
+  detection.num_accepted = result->num_accepted();
   detection.num_sessions_read = result->num_sessions_read();
   detection.seconds = result->seconds();
   for (const v1::Change& change : result->changes()) {
@@ -83,6 +86,17 @@ StatusOr<ChangeDetection> DetectChanges(const std::string& address, const std::s
     detection.changes.push_back(std::move(detected));
   }
   return detection;
+}
+
+StatusOr<std::string> CopyDatabase(const std::string& database, const std::string& folder) {
+  std::error_code error;
+  std::filesystem::create_directories(folder, error);
+  const std::string copy = folder + "/map.db";
+  if (!error) {
+    std::filesystem::copy_file(database, copy, std::filesystem::copy_options::overwrite_existing, error);
+  }
+  if (error) return absl::ResourceExhaustedError(fmt::format("{}: {}", copy, error.message()));
+  return copy;
 }
 
 Status DisplaceSessions(const std::string& database, double max_m, double max_rad, uint64_t seed) {

@@ -22,7 +22,7 @@ namespace {
 using SteadyClock = std::chrono::steady_clock;
 using Seconds = std::chrono::duration<double>;
 
-constexpr std::chrono::milliseconds kSlice{2};
+constexpr std::chrono::milliseconds kLinkSlice{2};
 constexpr std::chrono::seconds kConnectTimeout{10};
 /// What a bucket may save up: 5 ms of traffic, at least a packet.
 constexpr double kBurst_s = 0.005;
@@ -47,7 +47,7 @@ class Sink {
     double tokens = 0;
     while (SteadyClock::now() < end && !AllDone()) {
       if (stop.stop_requested()) return absl::CancelledError("interrupted");
-      if (poll(entries.data(), entries.size(), static_cast<int>(kSlice.count())) < 0 && errno != EINTR) {
+      if (poll(entries.data(), entries.size(), static_cast<int>(kLinkSlice.count())) < 0 && errno != EINTR) {
         return absl::InternalError(fmt::format("poll: {}", std::strerror(errno)));
       }
       if (rate_bytes_s_) {
@@ -55,7 +55,7 @@ class Sink {
         const double burst = std::max(kMinBurst_bytes, *rate_bytes_s_ * kBurst_s);
         tokens = std::min(burst, tokens + *rate_bytes_s_ * Seconds(now - refilled).count());
         refilled = now;
-        if (tokens < 1) std::this_thread::sleep_for(kSlice);  // the pace of the link itself, not a wait for somebody
+        if (tokens < 1) std::this_thread::sleep_for(kLinkSlice);  // the pace of the link itself, not a wait for somebody
       }
       for (size_t i = 0; i < entries.size(); ++i) {
         // Turns rotate, so that no device is always first at the bucket.

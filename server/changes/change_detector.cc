@@ -67,7 +67,7 @@ StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const
     part.points.push_back({changing.histories[i].point, changing.p_map[i], changing.directions[i]});
   }
   MAPP_ASSIGN_OR_RETURN(const std::vector<ThingVisit> visits,
-                        VisitsOfThing(points, histories, opened_ns, maker, options.visits));
+                        VisitsOfThing(points, histories, opened_ns, event_opened->second, maker, options.visits));
   std::optional<Happening> happening = HappeningAt(
       visits, thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished, event_opened->second, options.presence);
   if (!happening || happening->confidence < options.min_confidence) return std::nullopt;

@@ -2,6 +2,7 @@
 
 #include <algorithm>
 #include <optional>
+#include <utility>
 
 namespace mapp {
 namespace {
@@ -42,6 +43,26 @@ std::map<SessionId, PointCounts> CountPoints(std::span<const PointHistory* const
     }
   }
   return counts;
+}
+
+/// Sessions that have judged enough of the thing, by the time they were opened: the nearest before the event and from
+/// it on.
+std::vector<std::pair<int64_t, SessionId>> NearestTelling(const std::map<SessionId, PointCounts>& counts,
+                                                          double least_judged,
+                                                          const std::map<SessionId, int64_t>& opened_ns,
+                                                          int64_t event_ns, size_t max_a_side) {
+  std::vector<std::pair<int64_t, SessionId>> telling;
+  for (const auto& [session, of_points] : counts) {
+    const auto opened = opened_ns.find(session);
+    if (opened == opened_ns.end() || of_points.num_judged() < least_judged) continue;
+    telling.emplace_back(opened->second, session);
+  }
+  std::ranges::sort(telling);
+  const auto event = std::ranges::lower_bound(telling, event_ns, {}, [](const auto& one) { return one.first; });
+  const auto a_side = static_cast<std::ptrdiff_t>(max_a_side);
+  const auto first = event - std::min(a_side, event - telling.begin());
+  const auto end = event + std::min(a_side, telling.end() - event);
+  return {first, end};
 }
 
 StatusOr<Looked> Look(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views) {
@@ -91,18 +112,17 @@ Aabb ThingPoints::BoxMap() const {
 
 StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
                                                 std::span<const PointHistory* const> histories,
-                                                const std::map<SessionId, int64_t>& opened_ns, FindingsMaker& maker,
-                                                const ThingVisitOptions& options) {
+                                                const std::map<SessionId, int64_t>& opened_ns, int64_t event_ns,
+                                                FindingsMaker& maker, const ThingVisitOptions& options) {
   std::vector<Looked> looked;
   double greatest_density = 0;
   const auto least = static_cast<double>(options.min_judged_points);
   const std::map<SessionId, PointCounts> counts = CountPoints(histories);
   const double least_judged = std::max(least, options.min_judged_share * static_cast<double>(histories.size()));
-  for (const auto& [session, of_points] : counts) {
-    const auto opened = opened_ns.find(session);
-    if (opened == opened_ns.end() || of_points.num_judged() < least_judged) continue;
+  for (const auto& [time_ns, session] :
+       NearestTelling(counts, least_judged, opened_ns, event_ns, options.max_sessions_a_side)) {
     MAPP_ASSIGN_OR_RETURN(Looked one, Look(points, session, maker, options.max_views));
-    one.time_ns = opened->second;
+    one.time_ns = time_ns;
     if (one.num_hits >= least) greatest_density = std::max(greatest_density, one.num_hits / one.area);
     looked.push_back(one);
   }
@@ -114,7 +134,6 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
     if (!evidence || evidence->num_seen + evidence->num_missed < least) continue;
     visits.push_back({one.session, *evidence, one.num_passed > one.num_hits});
   }
-  std::ranges::stable_sort(visits, {}, [](const ThingVisit& visit) { return visit.evidence.time_ns; });
   return visits;
 }
 

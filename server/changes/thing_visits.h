@@ -26,6 +26,8 @@ struct ThingVisitOptions {
   /// A session is asked about a thing when it has judged so many of its points, and this share of them.
   size_t min_judged_points = 4;
   double min_judged_share = 0.15;
+  /// Sessions asked on either side of an event: a map of years has many that say the same.
+  size_t max_sessions_a_side = 8;
   /// Views of a session that are asked, the nearest first.
   size_t max_views = 16;
   /// Views of one session see the same things again: all of them together count as so many.
@@ -48,15 +50,15 @@ struct ThingVisit {
   bool was_passed = false;  ///< more rays went on beyond the thing than ended at it
 };
 
-/// Asks the views of each session that has judged points of the thing (`histories`) where their rays ended. By when the
-/// sessions were opened; `opened_ns` has those that are asked.
+/// Asks the views of sessions that have judged points of the thing (`histories`) where their rays ended: of those in
+/// `opened_ns` the nearest before the event and from it on. By when they were opened.
 ///
 /// Missed is what went on beyond the thing, or, where nothing lies beyond that can be measured, what should have been
 /// measured of the thing and was not. Partial frames without a raster do not tell of either. Visits whose points say
 /// the opposite are left out.
 StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
                                                 std::span<const PointHistory* const> histories,
-                                                const std::map<SessionId, int64_t>& opened_ns, FindingsMaker& maker,
-                                                const ThingVisitOptions& options);
+                                                const std::map<SessionId, int64_t>& opened_ns, int64_t event_ns,
+                                                FindingsMaker& maker, const ThingVisitOptions& options);
 
 }  // namespace mapp

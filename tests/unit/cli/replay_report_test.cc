@@ -78,6 +78,7 @@ TEST(ReplayReportTest, JsonHasEveryPromisedKey) {
                           "download_bytes",
                           "shared_map_requests",
                           "frames_on_shared_map",
+                          "shared_matches_mean",
                           "tracking_ms",
                           "p50",
                           "p95",
