@@ -39,7 +39,7 @@ Figures, as in the JSON:
                           the device would have made one mapping for itself
   ..._bytes_per_keyframe  over keyframes + keyframe_equivalents
   full_bytes              what --policy upload_all would have sent at each of these
-  upload_bytes            keyframes and update reports, retries included
+  upload_bytes            keyframes, update reports and evidence, retries included
   full_features, _points  features of these keyframes, and those with a map point
   query_bytes             the largest overlap query
   freshness               1 - overlap_mean
