@@ -72,7 +72,7 @@ std::string EncodeEvidence(std::span<const PointFinding> findings) {
   BitEncoder encoder;
   uint64_t next_run = 0;
   for (const PointFinding& finding : findings) {
-    MAPP_CHECK(IsInEvidenceSample(finding.point));
+    MAPP_CHECK(IsInEvidenceSample(finding.point) && finding.num_seen + finding.num_missed > 0);
     const uint64_t run = finding.point.value() / kEvidenceOneIn;
     coders.gap.Put(run - next_run, encoder);
     coders.seen.Put(finding.num_seen, encoder);
