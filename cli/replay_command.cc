@@ -39,7 +39,7 @@ Figures, as in the JSON:
                           the device would have made one mapping for itself
   ..._bytes_per_keyframe  over keyframes + keyframe_equivalents
   full_bytes              what --policy upload_all would have sent at each of these
-  upload_bytes            keyframes and update reports, retries included
+  upload_bytes            keyframes, update reports and evidence, retries included
   full_features, _points  features of these keyframes, and those with a map point
   query_bytes             the largest overlap query
   freshness               1 - overlap_mean
@@ -87,6 +87,9 @@ void AddPolicies(CLI::App& command, ParticipantOptions& options) {
             "random, as many at random; none");
   AddChoice(command, "--sharing", options.sharing, kSwitchChoices,
             "off: where the map is known, neither take it nor upload, and go on mapping for oneself");
+  AddChoice(
+      command, "--evidence", options.report_evidence, kSwitchChoices,
+      "off: on a shared map, do not tell which of its points were seen where they should be and which were missed");
   command
       .add_option("--min-seen-by-others", options.min_seen_by_others,
                   "Share of the map points in view that other sessions must have seen for a shared map to be taken, 0 "

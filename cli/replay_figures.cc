@@ -19,8 +19,9 @@ void FillTraffic(const TrafficCounters& traffic, ReplayReport& report) {
       .shared_map_request = {traffic.num_shared_map_requests, traffic.shared_map_request_bytes},
       .shared_map = {traffic.num_shared_map_requests, traffic.download_bytes},
       .update_report = {traffic.num_reports, traffic.report_bytes},
+      .evidence = {traffic.num_evidence_reports, traffic.evidence_bytes},
   };
-  report.upload_bytes = traffic.upload_bytes + traffic.report_bytes;
+  report.upload_bytes = traffic.upload_bytes + traffic.report_bytes + traffic.evidence_bytes;
   report.query_bytes = traffic.max_query_bytes;
   if (traffic.num_queries > 0) {
     report.response_bytes_mean = static_cast<double>(traffic.response_bytes) / static_cast<double>(traffic.num_queries);

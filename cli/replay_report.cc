@@ -22,7 +22,8 @@ using NamedMessages = std::pair<const char*, MessageFigures>;
 std::vector<NamedMessages> ByName(const ReplayTraffic& traffic) {
   return {{"query", traffic.query},           {"response", traffic.response},
           {"upload", traffic.upload},         {"shared_map_request", traffic.shared_map_request},
-          {"shared_map", traffic.shared_map}, {"update_report", traffic.update_report}};
+          {"shared_map", traffic.shared_map}, {"update_report", traffic.update_report},
+          {"evidence", traffic.evidence}};
 }
 
 using NamedLatency = std::pair<const char*, LatencySummary>;

@@ -21,6 +21,7 @@ struct ReplayTraffic {
   MessageFigures shared_map_request;
   MessageFigures shared_map;
   MessageFigures update_report;
+  MessageFigures evidence;
 };
 
 struct ReplayLatency {

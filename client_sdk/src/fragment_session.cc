@@ -24,6 +24,7 @@ FragmentSession::FragmentSession(std::unique_ptr<MapClient> client, const Sessio
     : client_(std::move(client)),
       camera_(setup.camera),
       features_(setup.participation.features),
+      report_evidence_(setup.participation.report_evidence),
       adapter_(adapter),
       progress_(setup.participation.max_queued_keyframes, min_to_open),
       worker_(*client_, progress_, &adapter_, setup) {}
@@ -63,10 +64,19 @@ void FragmentSession::OnKeyframe(Keyframe keyframe) {
 
 void FragmentSession::OnSharedMapFrame(const SharedMapFrame& frame,
                                        const std::function<std::optional<Keyframe>()>& last_keyframe) {
-  if (!progress_.BeginFailure(frame)) return;
+  if (!progress_.BeginFailure(frame)) {
+    if (report_evidence_ && progress_.WantsView(frame)) AddView(frame, last_keyframe());
+    return;
+  }
   std::optional<Keyframe> keyframe = last_keyframe();
   if (keyframe && !Validate(*keyframe, camera_, features_).ok()) keyframe.reset();
   progress_.AddFailure(frame, std::move(keyframe));
+}
+
+void FragmentSession::AddView(const SharedMapFrame& frame, std::optional<Keyframe> keyframe) {
+  if (!keyframe) return;
+  if (!keyframe->raster) keyframe->raster = RasterOf(*keyframe, camera_);
+  if (Validate(*keyframe, camera_, features_).ok()) progress_.AddView(*std::move(keyframe), frame.shared_map_number);
 }
 
 void FragmentSession::EndFragment() {

@@ -72,10 +72,13 @@ class FragmentSession {
 
  private:
   Status WaitForOptimization(std::chrono::steady_clock::time_point deadline);
+  /// What a frame that was localised on the shared map measured.
+  void AddView(const SharedMapFrame& frame, std::optional<Keyframe> keyframe);
 
   const std::unique_ptr<MapClient> client_;
   const Camera camera_;
   const FeatureSettings features_;
+  const bool report_evidence_;
   FragmentAdapter adapter_;
   SessionProgress progress_;
   NetworkWorker worker_;  // its events end before what they change

@@ -304,6 +304,19 @@ StatusOr<ClientUpdateVerdict> MapClient::ReportUpdate(SessionId session, const s
   return FromProto(response.verdict());
 }
 
+Status MapClient::ReportEvidence(SessionId session, uint32_t number, const std::string& packet, Patience patience) {
+  v1::ReportEvidenceRequest request;
+  request.set_session_id(ToWire(session));
+  request.set_number(number);
+  request.set_evidence(packet);
+  const uint64_t bytes = request.ByteSizeLong();
+  v1::ReportEvidenceResponse response;
+  MAPP_RETURN_IF_ERROR(impl_->Unary(&Impl::Stub::ReportEvidence, request, response, ForPatience(patience),
+                                    [&](TrafficCounters& counters) { counters.evidence_bytes += bytes; }));
+  impl_->Count([](TrafficCounters& counters) { ++counters.num_evidence_reports; });
+  return absl::OkStatus();
+}
+
 StatusOr<std::pair<uint64_t, bool>> MapClient::CloseSession(SessionId session) {
   v1::CloseSessionRequest request;
   request.set_session_id(ToWire(session));

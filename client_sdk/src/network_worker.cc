@@ -24,6 +24,10 @@ void NoteError(SessionProgress& progress, const Status& status) {
   progress.UpdateStats([&](ParticipantStats& stats) { stats.last_error = status.ToString(); });
 }
 
+void NoteIfFailed(SessionProgress& progress, const Status& status) {
+  if (!status.ok()) NoteError(progress, status);
+}
+
 }  // namespace
 
 NetworkWorker::NetworkWorker(MapClient& client, SessionProgress& progress, SlamAdapter* adapter,
@@ -40,6 +44,7 @@ Status NetworkWorker::Open() {
     MAPP_ASSIGN_OR_RETURN(session_, client_.OpenSession(options_.map_name, options_.device, setup_.sensor, camera_,
                                                         options_.features, options_.create_map));
     tiles_.emplace(session_->tile_edge_m, kMaxHeldTiles, camera_, OpenTileFolder());
+    evidence_.emplace(camera_, session_->cone_range_m);
     rng_ = Rng(session_->id.value());
     progress_.OnOpened(session_->id);
     watch_ = client_.WatchSession(session_->id, [this](const ClientEvent& event) { progress_.OnEvent(event); });
@@ -110,8 +115,36 @@ Status NetworkWorker::Process(const KeyframeJob& job) {
   return absl::OkStatus();
 }
 
+void NetworkWorker::Handle(const ViewJob& job) {
+  const bool has_new_report = evidence_->Add(job.keyframe, job.shared_map_number);
+  // One attempt: the next job may be a failure on the shared map, for which the device waits.
+  if (has_new_report) NoteIfFailed(progress_, DeliverEvidence(Patience::kOneAttempt));
+}
+
+Status NetworkWorker::DeliverEvidence(Patience patience) {
+  while (evidence_->has_reports()) {
+    const EvidenceReport& report = evidence_->NextReport();
+    const Status status = client_.ReportEvidence(session_->id, report.number, report.packet, patience);
+    if (!status.ok() && (IsTransient(status) || absl::IsResourceExhausted(status) || control_.cancelled())) {
+      return status;
+    }
+    NoteIfFailed(progress_, status);
+    evidence_->DropNextReport();
+  }
+  return absl::OkStatus();
+}
+
 void NetworkWorker::Handle(const CloseJob&) {
+  evidence_->Conclude();
   while (true) {
+    if (const Status told = DeliverEvidence(Patience::kRetry); IsTransient(told)) {
+      NoteError(progress_, told);
+      progress_.OnCloseFailed(told);
+      if (!control_.Pause(kPauseBetweenRounds)) return;
+      continue;
+    } else {
+      NoteIfFailed(progress_, told);  // too much for the server: it goes without the rest
+    }
     const auto closed = client_.CloseSession(session_->id);
     if (closed.ok()) {
       progress_.OnClosed(/*optimization_pending=*/closed->second);
@@ -261,6 +294,7 @@ StatusOr<bool> NetworkWorker::Share(const Keyframe& view, double overlap, Patien
     }
     adapter_->TakeSharedMap(map);
   }
+  if (options_.report_evidence) evidence_->UseMap(num_shared_maps_, taken.keys, *tiles_, *T_map_session);
   // After the device has them: a disk may be slow.
   if (const Status stored = tiles_->StoreNew(); !stored.ok()) NoteError(progress_, stored);
   return true;
@@ -313,6 +347,8 @@ void NetworkWorker::ReportFailure(const FailureJob& job) {
 void NetworkWorker::LeaveSharedMap() {
   adapter_->LeaveSharedMap();
   progress_.OnLeftSharedMap();
+  evidence_->Conclude();
+  NoteIfFailed(progress_, DeliverEvidence(Patience::kOneAttempt));
 }
 
 void NetworkWorker::PlaceInMap(Keyframe& keyframe) const {

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "call_control.h"
+#include "evidence_collector.h"
 #include "mapp/base/rng.h"
 #include "mapp/client/participant.h"
 #include "redundancy_control.h"
@@ -42,6 +43,7 @@ class NetworkWorker {
   void Handle(const FailureJob& job);
   /// Asks about the keyframe uploaded last as if it were new: the map around it may serve from here on.
   void Handle(const AlignedJob& job);
+  void Handle(const ViewJob& job);
   /// Until the server has acknowledged it or says that it never will.
   void Handle(const CloseJob& job);
 
@@ -74,6 +76,9 @@ class NetworkWorker {
   void LeaveSharedMap();
   /// Algorithm 1, lines 11 to 16: the shared maps have failed; does the world differ from the map?
   void ReportFailure(const FailureJob& job);
+  /// Sends the reports of evidence that wait, until one fails in a way that may pass: its error, the rest goes on
+  /// waiting. What the server refuses for good is dropped.
+  Status DeliverEvidence(Patience patience);
   /// Moves the pose from the session's frame to the map's.
   void PlaceInMap(Keyframe& keyframe) const;
 
@@ -84,8 +89,9 @@ class NetworkWorker {
   const ParticipantOptions& options_;  // in setup_
   const Camera& camera_;               // in setup_
   CallControl control_;
-  std::optional<ClientSession> session_;  // once opened, as the two that follow
+  std::optional<ClientSession> session_;  // once opened, as the three that follow
   std::optional<SharedTiles> tiles_;
+  std::optional<EvidenceCollector> evidence_;
   std::unique_ptr<WatchHandle> watch_;
   Rng rng_{0};
   uint32_t num_shared_maps_ = 0;

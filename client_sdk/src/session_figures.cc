@@ -18,6 +18,8 @@ void AddTraffic(TrafficCounters& sum, const TrafficCounters& more) {
   sum.num_shared_map_requests += more.num_shared_map_requests;
   sum.report_bytes += more.report_bytes;
   sum.num_reports += more.num_reports;
+  sum.evidence_bytes += more.evidence_bytes;
+  sum.num_evidence_reports += more.num_evidence_reports;
   sum.num_retries += more.num_retries;
 }
 

@@ -8,6 +8,10 @@
 namespace mapp {
 namespace {
 
+/// Frames on shared maps are judged this far from each other: their views overlap by far the most, and say the same.
+constexpr double kViewStepM = 1.0;
+constexpr double kViewStepRad = 0.6;
+constexpr size_t kMaxViews = 8;
 constexpr const char* kNotAcknowledged = "the server has not acknowledged the end of the session yet";
 
 }  // namespace
@@ -56,6 +60,25 @@ void SessionProgress::AddFailure(const SharedMapFrame& frame, std::optional<Keyf
   changed_.NotifyAll();
 }
 
+bool SessionProgress::WantsView(const SharedMapFrame& frame) {
+  MutexLock lock(mutex_);
+  if (closing_ || state_ != ParticipantState::kSharing || frame.shared_map_number != shared_map_number_) return false;
+  if (!frame.localized) return false;
+  if (T_session_camera_viewed_ && Distance(*T_session_camera_viewed_, frame.T_session_camera) < kViewStepM &&
+      RotationAngle(*T_session_camera_viewed_, frame.T_session_camera) < kViewStepRad) {
+    return false;
+  }
+  T_session_camera_viewed_ = frame.T_session_camera;
+  return true;
+}
+
+void SessionProgress::AddView(Keyframe keyframe, uint32_t shared_map_number) {
+  MutexLock lock(mutex_);
+  if (closing_ || views_.size() >= kMaxViews) return;
+  views_.push_back({std::move(keyframe), shared_map_number});
+  changed_.NotifyAll();
+}
+
 void SessionProgress::BeginClose() {
   MutexLock lock(mutex_);
   closing_ = true;
@@ -69,6 +92,7 @@ std::string SessionProgress::Missing() const {
   if (!queue_.empty() || busy_) return fmt::format("{} keyframes are not sent yet", queue_.size() + (busy_ ? 1 : 0));
   if (just_aligned_) return "the map around the aligned keyframe is not asked for yet";
   if (failure_in_hand_) return "a failure on the shared map is not resolved yet";
+  if (!views_.empty()) return "what was seen of the shared map is not summed up yet";
   if (S_map_session_ || !last_unaligned_upload_) return "";
   if (last_compared_ && *last_compared_ >= *last_unaligned_upload_) return "";
   return fmt::format("the server has not compared keyframe {} with the map yet", *last_unaligned_upload_);
@@ -96,7 +120,7 @@ Status SessionProgress::WaitClosed(std::chrono::steady_clock::time_point deadlin
     if (stopped_) return absl::CancelledError("the participant was shut down");
     if (num_close_failures_ > num_failures_before) return close_failure_;
     if (!in_time) {
-      const bool all_sent = queue_.empty() && !failure_in_hand_ && (!busy_ || close_in_hand_);
+      const bool all_sent = queue_.empty() && views_.empty() && !failure_in_hand_ && (!busy_ || close_in_hand_);
       if (!all_sent) return absl::DeadlineExceededError(Missing());
       const std::string why = close_failure_.ok() ? "" : ": " + close_failure_.ToString();
       return absl::DeadlineExceededError(kNotAcknowledged + why);
@@ -150,12 +174,19 @@ void SessionProgress::End(const Status& outcome) {
 std::optional<Job> SessionProgress::NextJob() {
   MutexLock lock(mutex_);
   const auto may_close = [this]() ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_) { return closing_ && !failure_in_hand_; };
-  while (!stopped_ && !failure_ && queue_.empty() && !just_aligned_ && !may_close()) changed_.Wait(mutex_);
+  while (!stopped_ && !failure_ && queue_.empty() && !just_aligned_ && views_.empty() && !may_close()) {
+    changed_.Wait(mutex_);
+  }
   if (stopped_ || state_ == ParticipantState::kClosed) return std::nullopt;
   busy_ = true;
   if (failure_) return *std::exchange(failure_, std::nullopt);
   // A keyframe that waits is newer than the uploaded one, and asks by itself.
   if (std::exchange(just_aligned_, false) && queue_.empty()) return AlignedJob{};
+  if (queue_.empty() && !views_.empty()) {
+    ViewJob job = std::move(views_.front());
+    views_.pop_front();
+    return job;
+  }
   if (queue_.empty()) {
     close_in_hand_ = true;
     return CloseJob{};

@@ -29,11 +29,16 @@ struct FailureJob {
   std::optional<Keyframe> keyframe;  ///< whole keyframe of that frame, when the adapter could make one
   int num_maps_tried = 0;            ///< further shared maps asked for since the device last localised
 };
+/// A frame that was localised on a shared map: what it measured there.
+struct ViewJob {
+  Keyframe keyframe;  ///< whole, pose T_session_camera
+  uint32_t shared_map_number = 0;
+};
 /// A fragment was just aligned and no keyframe waits: what was uploaded last may lie where the map is known.
 struct AlignedJob {};
 /// Nothing else is left and nothing more will come.
 struct CloseJob {};
-using Job = std::variant<KeyframeJob, FailureJob, AlignedJob, CloseJob>;
+using Job = std::variant<KeyframeJob, FailureJob, AlignedJob, ViewJob, CloseJob>;
 
 /// Where a session stands: the queue and the state that the app's thread, the network thread and the watch
 /// thread share. Knows nothing of the network. Thread-safe.
@@ -48,6 +53,11 @@ class SessionProgress {
   /// True when the frame failed on the present shared map and no other failure is in hand: AddFailure must follow.
   bool BeginFailure(const SharedMapFrame& frame);
   void AddFailure(const SharedMapFrame& frame, std::optional<Keyframe> keyframe);
+  /// True when the frame was localised on the present shared map, away enough from the last for which this was true:
+  /// AddView may follow.
+  bool WantsView(const SharedMapFrame& frame);
+  /// Dropped where the network thread has fallen behind.
+  void AddView(Keyframe keyframe, uint32_t shared_map_number);
   /// Keyframes added from now on are dropped, no map is asked for any more, and a CloseJob follows what is queued.
   void BeginClose();
   /// Until nothing is queued or under way, no failure is in hand, and the server has compared the last unaligned upload
@@ -66,7 +76,7 @@ class SessionProgress {
   /// The server will not have the session: what is queued and what comes is refused.
   void OnOpeningRefused(const Status& why);
   /// Blocks; nullopt after Stop() and once the session is closed. Failures come before keyframes, these before
-  /// AlignedJob, CloseJob is the last. JobDone() must follow.
+  /// AlignedJob and ViewJob, CloseJob is the last. JobDone() must follow.
   std::optional<Job> NextJob();
   void JobDone();
   /// Puts a keyframe of a failed frame at the queue's head, numbered after all keyframes so far.
@@ -143,6 +153,8 @@ class SessionProgress {
   int num_maps_tried_ ABSL_GUARDED_BY(mutex_) = 0;
   std::optional<FailureJob> failure_ ABSL_GUARDED_BY(mutex_);
   std::map<TileKey, Revision> changed_tiles_ ABSL_GUARDED_BY(mutex_);
+  std::deque<ViewJob> views_ ABSL_GUARDED_BY(mutex_);
+  std::optional<Pose3> T_session_camera_viewed_ ABSL_GUARDED_BY(mutex_);  // of the last frame that WantsView took
   RecentWay recent_way_ ABSL_GUARDED_BY(mutex_);
 
   int num_watch_starts_ ABSL_GUARDED_BY(mutex_) = 0;

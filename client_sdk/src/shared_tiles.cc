@@ -144,6 +144,11 @@ std::shared_ptr<const SharedMap> SharedTiles::MapOf(const std::vector<ClientTile
   return map;
 }
 
+const Tile* SharedTiles::Find(const TileKey& key) const {
+  const auto found = tiles_.find(key);
+  return found == tiles_.end() ? nullptr : std::get_if<Tile>(&found->second.content);
+}
+
 void SharedTiles::DropFarthest(const Eigen::Vector3d& p_map) {
   if (tiles_.size() <= max_tiles_) return;
   std::vector<std::pair<double, TileKey>> by_distance;

@@ -46,6 +46,8 @@ class SharedTiles {
   /// Likewise of tiles that have come of an answer which is not whole yet.
   std::shared_ptr<const SharedMap> MapOf(const std::vector<ClientTile>& tiles, const Pose3& T_map_session,
                                          uint32_t number) const;
+  /// As the device has it; null unless it is in memory, decoded.
+  const Tile* Find(const TileKey& key) const;
   /// Call it where the device is now and then.
   void DropFarthest(const Eigen::Vector3d& p_map);
 

@@ -10,6 +10,8 @@
 #include <iterator>
 #include <map>
 #include <optional>
+#include <set>
+#include <string>
 #include <tuple>
 #include <utility>
 
@@ -17,6 +19,7 @@ namespace mapp {
 namespace {
 
 using OpenedTimes = std::map<SessionId, int64_t>;
+using DeviceNames = std::map<SessionId, std::string>;
 
 /// Points of the map that came or went, in matching order.
 struct ChangingPoints {
@@ -49,11 +52,22 @@ StatusOr<ChangingPoints> FindChangingPoints(MapReader& reader, std::span<const S
   return changing;
 }
 
+/// Whether nobody but one device, of which there are no views, says that the thing is gone: one that is wrong must not
+/// retire what others have confirmed.
+bool IsOneDevicesWord(const Happening& happening, const DeviceNames& devices, const FindingsMaker& maker) {
+  std::set<std::string> tellers;
+  for (const SessionId session : happening.missed_by) {
+    if (!maker.FramesOf(session).empty()) return false;
+    tellers.insert(devices.at(session));
+  }
+  return tellers.size() < 2;
+}
+
 /// What the thing's visits tell together of the event that its points were grouped by. nullopt: nothing, or too
 /// unsurely, or of something that did not stand still.
 StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const ChangingPoints& changing,
-                                                const OpenedTimes& opened_ns, FindingsMaker& maker,
-                                                const DerivationOptions& options) {
+                                                const OpenedTimes& opened_ns, const DeviceNames& devices,
+                                                FindingsMaker& maker, const DerivationOptions& options) {
   const auto event_opened = opened_ns.find(thing.event.session);
   if (event_opened == opened_ns.end()) return std::nullopt;
   ThingPoints points;
@@ -71,6 +85,7 @@ StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const
   std::optional<Happening> happening = HappeningAt(
       visits, thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished, event_opened->second, options.presence);
   if (!happening || happening->confidence < options.min_confidence) return std::nullopt;
+  if (happening->kind == ChangeKind::kVanished && IsOneDevicesWord(*happening, devices, maker)) return std::nullopt;
   MAPP_ASSIGN_OR_RETURN(const bool is_standing, IsStanding(points, happening->seen_by, maker, options.stay));
   if (!is_standing) return std::nullopt;
   part.happening = *std::move(happening);
@@ -146,7 +161,9 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
                                                   std::span<const SessionFindings> findings, FindingsMaker& maker,
                                                   const DerivationOptions& options) {
   OpenedTimes opened_ns;
+  DeviceNames devices;
   for (const SessionRecord& session : sessions) {
+    devices.emplace(session.id, session.device);
     if (session.opened_ns >= options.from_ns && session.opened_ns <= options.to_ns) {
       opened_ns.emplace(session.id, session.opened_ns);
     }
@@ -156,7 +173,8 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
   std::vector<ChangedPart> parts;
   for (const ChangedThing& thing :
        GroupThings(changing.courses, changing.p_map, up_map.cast<float>(), options.grouping)) {
-    MAPP_ASSIGN_OR_RETURN(std::optional<ChangedPart> part, JudgeThing(thing, changing, opened_ns, maker, options));
+    MAPP_ASSIGN_OR_RETURN(std::optional<ChangedPart> part,
+                          JudgeThing(thing, changing, opened_ns, devices, maker, options));
     if (part) parts.push_back(*std::move(part));
   }
   std::vector<FoundChange> found;

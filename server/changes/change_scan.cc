@@ -1,6 +1,7 @@
 #include "server/changes/change_scan.h"
 
 #include "mapp/base/unix_time.h"
+#include "server/changes/device_evidence.h"
 #include "storage/map_store.h"
 
 #include <fmt/format.h>
@@ -74,6 +75,14 @@ StatusOr<std::optional<SessionFindings>> FindKept(MapReader& reader, SessionId s
   return *std::move(kept);
 }
 
+/// Adds what the session's device has reported to what its views say. Not kept with the findings: reports may follow.
+void AddEvidence(std::span<const PointFinding> evidence, SessionFindings& findings) {
+  if (evidence.empty()) return;
+  findings.own.insert(findings.own.end(), evidence.begin(), evidence.end());
+  std::ranges::stable_sort(findings.own, {}, &PointFinding::point);
+  findings.own = MergeFindings(findings.own);
+}
+
 }  // namespace
 
 StatusOr<ChangeScan> ScanForChanges(const CallContext& context, MapStore& store, const std::string& map_name,
@@ -88,8 +97,13 @@ StatusOr<ChangeScan> ScanForChanges(const CallContext& context, MapStore& store,
   std::ranges::sort(frames, {}, &FrameRecord::id);
   FindingsMaker maker(*reader, scan.map, sessions, frames, options.findings);
   std::vector<SessionRecord> in_map, telling;
+  std::map<SessionId, std::vector<PointFinding>> evidence;
   for (const SessionRecord& session : sessions) {
-    if (maker.FramesOf(session.id).empty()) continue;
+    // Nobody believes what a device reported that was quarantined later.
+    if (!session.IsQuarantined()) {
+      MAPP_ASSIGN_OR_RETURN(evidence[session.id], FindingsOfEvidence(*reader, session.id));
+    }
+    if (maker.FramesOf(session.id).empty() && evidence[session.id].empty()) continue;
     in_map.push_back(session);
     const bool in_time =
         session.opened_ns >= options.derivation.from_ns && session.opened_ns <= options.derivation.to_ns;
@@ -105,11 +119,15 @@ StatusOr<ChangeScan> ScanForChanges(const CallContext& context, MapStore& store,
     MAPP_RETURN_IF_ERROR(context.Check());
     MAPP_ASSIGN_OR_RETURN(std::optional<SessionFindings> kept,
                           FindKept(*reader, session.id, maker.FramesOf(session.id)));
+    if (!kept && maker.FramesOf(session.id).empty()) {
+      kept = SessionFindings{.session = session.id, .frames = {}, .own = {}, .earlier = {}};
+    }
     if (!kept) {
       MAPP_ASSIGN_OR_RETURN(kept, maker.Make(context, session.id));
       MAPP_RETURN_IF_ERROR(keeper.Keep(*kept));
       ++scan.num_sessions_read;
     }
+    AddEvidence(evidence[session.id], *kept);
     findings.push_back(*std::move(kept));
     if (on_progress) on_progress({.num_sessions_done = findings.size(), .num_sessions = telling.size()});
   }

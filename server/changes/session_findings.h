@@ -2,7 +2,7 @@
 
 #include "mapp/base/call_context.h"
 #include "mapp/base/status.h"
-#include "server/changes/point_judge.h"
+#include "mapp/view/point_judge.h"
 #include "server/changes/point_tiles.h"
 #include "server/changes/witness_views.h"
 #include "storage/records.h"

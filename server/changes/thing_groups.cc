@@ -1,6 +1,6 @@
 #include "server/changes/thing_groups.h"
 
-#include "server/changes/neighbor_grid.h"
+#include "mapp/geometry/neighbor_grid.h"
 
 #include <algorithm>
 #include <compare>

@@ -73,7 +73,8 @@ StatusOr<std::optional<double>> ShareOfStay(const ThingPoints& points, SessionId
 StatusOr<bool> IsStanding(const ThingPoints& points, std::span<const SessionId> seen_by, FindingsMaker& maker,
                           const StayOptions& options) {
   std::vector<double> shares;
-  for (const SessionId session : seen_by.first(std::min(seen_by.size(), options.max_sessions))) {
+  for (const SessionId session : seen_by) {
+    if (shares.size() == options.max_sessions) break;
     MAPP_ASSIGN_OR_RETURN(const std::optional<double> share, ShareOfStay(points, session, maker, options));
     if (share) shares.push_back(*share);
   }

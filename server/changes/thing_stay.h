@@ -32,7 +32,8 @@ struct StayOptions {
 StatusOr<std::optional<double>> ShareOfStay(const ThingPoints& points, SessionId session, FindingsMaker& maker,
                                             const StayOptions& options);
 
-/// Whether the thing stood there for most of the first of the sessions that saw it (`seen_by`). No when none can tell.
+/// Whether the thing stood there for most of the sessions that saw it: of `seen_by`, those first in it that can tell.
+/// No when none can.
 StatusOr<bool> IsStanding(const ThingPoints& points, std::span<const SessionId> seen_by, FindingsMaker& maker,
                           const StayOptions& options);
 

@@ -1,5 +1,7 @@
 #include "server/changes/thing_visits.h"
 
+#include "mapp/codec/evidence_codec.h"
+
 #include <algorithm>
 #include <optional>
 #include <utility>
@@ -47,14 +49,15 @@ std::map<SessionId, PointCounts> CountPoints(std::span<const PointHistory* const
 
 /// Sessions that have judged enough of the thing, by the time they were opened: the nearest before the event and from
 /// it on.
+template <typename Tells>
 std::vector<std::pair<int64_t, SessionId>> NearestTelling(const std::map<SessionId, PointCounts>& counts,
-                                                          double least_judged,
+                                                          const Tells& tells,
                                                           const std::map<SessionId, int64_t>& opened_ns,
                                                           int64_t event_ns, size_t max_a_side) {
   std::vector<std::pair<int64_t, SessionId>> telling;
   for (const auto& [session, of_points] : counts) {
     const auto opened = opened_ns.find(session);
-    if (opened == opened_ns.end() || of_points.num_judged() < least_judged) continue;
+    if (opened == opened_ns.end() || !tells(session, of_points)) continue;
     telling.emplace_back(opened->second, session);
   }
   std::ranges::sort(telling);
@@ -118,9 +121,14 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
   double greatest_density = 0;
   const auto least = static_cast<double>(options.min_judged_points);
   const std::map<SessionId, PointCounts> counts = CountPoints(histories);
-  const double least_judged = std::max(least, options.min_judged_share * static_cast<double>(histories.size()));
+  const double least_judged = options.min_judged_share * static_cast<double>(histories.size());
+  // Devices that tell without views tell of a sample.
+  const auto tells = [&](SessionId session, const PointCounts& of_points) {
+    const double share = maker.FramesOf(session).empty() ? 1.0 / kEvidenceOneIn : 1.0;
+    return of_points.num_judged() >= std::max(least, share * least_judged);
+  };
   for (const auto& [time_ns, session] :
-       NearestTelling(counts, least_judged, opened_ns, event_ns, options.max_sessions_a_side)) {
+       NearestTelling(counts, tells, opened_ns, event_ns, options.max_sessions_a_side)) {
     MAPP_ASSIGN_OR_RETURN(Looked one, Look(points, session, maker, options.max_views));
     one.time_ns = time_ns;
     if (one.num_hits >= least) greatest_density = std::max(greatest_density, one.num_hits / one.area);
@@ -128,9 +136,18 @@ StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
   }
   std::vector<ThingVisit> visits;
   for (const Looked& one : looked) {
-    if (one.num_views == 0) continue;
+    const PointCounts& of_points = counts.at(one.session);
+    if (one.num_views == 0) {
+      // Points are all that a device tells that uploads nothing (decision 0021). Of a session that uploads, frames that
+      // do not see the thing tell nothing.
+      if (!maker.FramesOf(one.session).empty()) continue;
+      const auto num_seen = static_cast<double>(of_points.num_seen),
+                 num_missed = static_cast<double>(of_points.num_missed);
+      visits.push_back({one.session, {one.time_ns, num_seen, num_missed}, num_missed > num_seen});
+      continue;
+    }
     const PresenceEvidence of_rays = EvidenceOfRays(one, greatest_density, options);
-    const auto evidence = Combine(of_rays, counts.at(one.session), histories.size(), options);
+    const auto evidence = Combine(of_rays, of_points, histories.size(), options);
     if (!evidence || evidence->num_seen + evidence->num_missed < least) continue;
     visits.push_back({one.session, *evidence, one.num_passed > one.num_hits});
   }

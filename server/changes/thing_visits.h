@@ -54,8 +54,8 @@ struct ThingVisit {
 /// `opened_ns` the nearest before the event and from it on. By when they were opened.
 ///
 /// Missed is what went on beyond the thing, or, where nothing lies beyond that can be measured, what should have been
-/// measured of the thing and was not. Partial frames without a raster do not tell of either. Visits whose points say
-/// the opposite are left out.
+/// measured of the thing and was not; of a device that uploads nothing (device_evidence.h), points. Partial frames
+/// without a raster do not tell of either. Visits whose points say the opposite are left out.
 StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
                                                 std::span<const PointHistory* const> histories,
                                                 const std::map<SessionId, int64_t>& opened_ns, int64_t event_ns,

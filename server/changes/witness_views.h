@@ -3,8 +3,7 @@
 #include "mapp/base/id.h"
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
-#include "mapp/geometry/pose3.h"
-#include "mapp/view/seen_geometry.h"
+#include "mapp/view/point_judge.h"
 #include "storage/records.h"
 
 #include <cstdint>
@@ -12,26 +11,19 @@
 #include <map>
 #include <memory>
 #include <unordered_map>
-#include <vector>
+#include <utility>
 
 namespace mapp {
 
 class MapReader;
 
-/// A frame that stands in the map, as a witness: where it looked from, and where it measured surfaces.
-struct WitnessView {
-  WitnessView(const FrameRecord& record, const Camera& with_camera, double with_range_m, SeenGeometry with_geometry,
-              bool is_complete);
+/// A frame that stands in the map, as a witness of what was there.
+struct WitnessView : MeasuredView {
+  WitnessView(const FrameRecord& record, MeasuredView measured)
+      : MeasuredView(std::move(measured)), frame(record.id), stamp_ns(record.stamp_ns) {}
 
   FrameId frame;
   int64_t stamp_ns = 0;  ///< by the device's clock
-  Pose3 T_map_camera;
-  Camera camera;
-  double range_m = 0;  ///< h of the map
-  bool complete =
-      true;  ///< false: redundancy control has taken out what the map held, without a raster of it: it misses nothing
-  SeenGeometry geometry;
-  Aabb box_map;  ///< around all that it can tell of
 };
 
 /// What frames of one map measured, read from the keyframe log when asked for; those used last are kept.

@@ -25,6 +25,8 @@ class MapServiceHandler final : public v1::MapService::WithCallbackMethod_WatchS
                                 grpc::ServerWriter<v1::RequestSharedMapResponse>* writer) override;
   grpc::Status ReportUpdate(grpc::ServerContext* context, const v1::ReportUpdateRequest* request,
                             v1::ReportUpdateResponse* response) override;
+  grpc::Status ReportEvidence(grpc::ServerContext* context, const v1::ReportEvidenceRequest* request,
+                              v1::ReportEvidenceResponse* response) override;
   grpc::Status CloseSession(grpc::ServerContext* context, const v1::CloseSessionRequest* request,
                             v1::CloseSessionResponse* response) override;
   grpc::Status GetSessionPoses(grpc::ServerContext* context, const v1::GetSessionPosesRequest* request,

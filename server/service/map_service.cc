@@ -217,6 +217,11 @@ StatusOr<UpdateResult> MapService::ReportUpdate(const CallContext& context, Sess
   return CompareWithMap(impl_->tiles, reported, impl_->update_options);
 }
 
+StatusOr<StoredEvidence> MapService::ReportEvidence(const CallContext& context, SessionId session, uint32_t number,
+                                                    const std::string& packet) {
+  return impl_->evidence.Take(context, session, number, packet);
+}
+
 StatusOr<ClosedSession> MapService::CloseSession(const CallContext& context, SessionId session) {
   ClosedSession closed;
   bool just_closed = false;

@@ -11,6 +11,7 @@
 #include "server/service/map_history.h"
 #include "server/service/optimizer.h"
 #include "server/service/registrar.h"
+#include "server/service/report_budget.h"
 #include "server/service/service_types.h"
 #include "server/service/session_events.h"
 #include "server/service/session_guard.h"
@@ -34,6 +35,7 @@ struct MapServiceOptions {
   RegistrarOptions registrar;
   OptimizerOptions optimizer;
   GuardOptions guard;
+  EvidenceLimits evidence;
   /// Greatest upload accepted, bytes.
   size_t max_keyframe_bytes = size_t{64} << 10;
   /// Borrowed; null but where a log is replayed.
@@ -59,6 +61,9 @@ class MapService {
                                              const std::function<Status(const std::string& tile)>& send);
   StatusOr<UpdateResult> ReportUpdate(const CallContext& context, SessionId session,
                                       const std::vector<std::string>& packets);
+  /// EvidenceIntake::Take.
+  StatusOr<StoredEvidence> ReportEvidence(const CallContext& context, SessionId session, uint32_t number,
+                                          const std::string& packet);
   StatusOr<ClosedSession> CloseSession(const CallContext& context, SessionId session);
   /// Delivers the session's present alignment and quarantine at once, if any, then events as they come.
   StatusOr<std::unique_ptr<SessionEvents::Subscription>> WatchSession(const CallContext& context, SessionId session,

@@ -1,5 +1,6 @@
 #pragma once
 
+#include "server/service/evidence_intake.h"
 #include "server/service/integrator.h"
 #include "server/service/map_service.h"
 #include "server/service/session_guard.h"
@@ -25,7 +26,8 @@ struct MapService::Impl {
                     .association = {},
                     .step_times = &step_times,
                     .replay = options.replay}),
-        shared_map(map_store) {}
+        shared_map(map_store),
+        evidence(map_store, options.evidence) {}
 
   template <typename Options>
   Options WithStepTimes(Options options) {
@@ -60,6 +62,7 @@ struct MapService::Impl {
   Registrar registrar;
   Integrator integrator;
   SharedMapSender shared_map;
+  EvidenceIntake evidence;
   UpdateOptions update_options;
   ScanOptions scan_options;
   std::atomic<bool> detecting = false;

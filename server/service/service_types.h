@@ -35,6 +35,12 @@ struct UploadResult {
   std::optional<Pose3> T_map_session;
   double scale_map_session = 1;  ///< SessionRecord::scale_map_session
 };
+/// Of MapService::ReportEvidence.
+struct StoredEvidence {
+  bool already_stored = false;
+  size_t num_points = 0;          ///< stored now
+  size_t num_unknown_points = 0;  ///< sent, and left out
+};
 struct HeldTile {
   TileKey key;
   Revision revision;

@@ -2,6 +2,7 @@
 
 #include "api/convert/convert.h"
 #include "api/status/grpc_status.h"
+#include "mapp/codec/evidence_codec.h"
 #include "mapp/codec/keyframe_codec.h"
 #include "mapp/codec/query_codec.h"
 #include "tests/integration/rpc/rpc_fixture.h"
@@ -9,6 +10,7 @@
 #include <gmock/gmock.h>
 #include <gtest/gtest.h>
 
+#include <algorithm>
 #include <cmath>
 #include <functional>
 
@@ -73,6 +75,10 @@ class BadRequestTest : public RpcTest {
   Outcome Report(const v1::ReportUpdateRequest& request) {
     v1::ReportUpdateResponse response;
     return Try([&](grpc::ClientContext& c) { return map_service().ReportUpdate(&c, request, &response); });
+  }
+  Outcome ReportEvidence(const v1::ReportEvidenceRequest& request) {
+    v1::ReportEvidenceResponse response;
+    return Try([&](grpc::ClientContext& c) { return map_service().ReportEvidence(&c, request, &response); });
   }
   Outcome Watch(uint32_t session) {
     v1::WatchSessionRequest request;
@@ -280,6 +286,51 @@ TEST_F(BadRequestTest, BadReports) {
   const Pose3 stand = testing::SyntheticWorld::Stand(0, -2, 0);
   for (int i = 0; i < 9; ++i) request.add_keyframes(EncodeKeyframe(View(stand, stand, session, 1)));
   ExpectRefused(Report(request), "keyframes");
+}
+
+TEST_F(BadRequestTest, BadEvidence) {
+  const SessionId session = Founder();
+  std::vector<PointFinding> findings;
+  const auto points = (*store_->Read())->PointsOfSession(session);
+  for (const PointRecord& point : *points) {
+    if (IsInEvidenceSample(point.id)) findings.push_back({point.id, 1, 0});
+  }
+  std::ranges::sort(findings, {}, &PointFinding::point);
+  v1::ReportEvidenceRequest good;
+  good.set_session_id(Wire(session));
+  good.set_evidence(EncodeEvidence(findings));
+
+  v1::ReportEvidenceRequest bad = good;
+  bad.clear_session_id();
+  ExpectRefused(ReportEvidence(bad), "session_id");
+  bad = good;
+  bad.clear_evidence();
+  ExpectRefused(ReportEvidence(bad), "evidence");
+  bad = good;
+  bad.mutable_evidence()->pop_back();
+  ExpectRefused(ReportEvidence(bad), "evidence");
+  bad = good;
+  uint64_t unknown = 1'000'000'000;
+  while (!IsInEvidenceSample(MapPointId(unknown))) ++unknown;
+  bad.set_evidence(EncodeEvidence(std::vector<PointFinding>{{MapPointId(unknown), 1, 0}}));
+  ExpectRefused(ReportEvidence(bad), "evidence");
+  bad = good;
+  bad.set_session_id(Wire(Open()));
+  EXPECT_EQ(ReportEvidence(bad).status.error_code(), grpc::StatusCode::FAILED_PRECONDITION);
+  bad.set_session_id(4'000'000'000U);
+  EXPECT_EQ(ReportEvidence(bad).status.error_code(), grpc::StatusCode::NOT_FOUND);
+  EXPECT_TRUE((*store_->Read())->ListEvidence(session)->empty()) << "nothing half-done";
+
+  EXPECT_TRUE(ReportEvidence(good).status.ok());
+  EXPECT_TRUE(ReportEvidence(good).status.ok()) << "a repeat";
+  EXPECT_EQ((*store_->Read())->ListEvidence(session)->size(), 1U);
+  Outcome flooded;
+  for (uint32_t number = 1; flooded.status.ok() && number < 100; ++number) {
+    good.set_number(number);
+    flooded = ReportEvidence(good);
+  }
+  EXPECT_EQ(flooded.status.error_code(), grpc::StatusCode::RESOURCE_EXHAUSTED);
+  EXPECT_THAT(flooded.status.error_message(), HasSubstr("try again in"));
 }
 
 TEST_F(BadRequestTest, WatchingNobody) {

@@ -1,6 +1,7 @@
 // Participants against the real service: aligned, expanding, sharing, and going on after the server was away.
 
 #include "mapp/client/participant.h"
+#include "server/changes/device_evidence.h"
 #include "tests/integration/rpc/rpc_fixture.h"
 
 #include <gmock/gmock.h>
@@ -72,6 +73,20 @@ class TestDevice {
     EXPECT_TRUE(idle.ok()) << idle;
   }
 
+  /// A frame that was localised on the present shared map, with what it showed, and its stamp.
+  void LocalizeIn(const SyntheticWorld& world, const Pose3& T_world_camera, int64_t stamp_ns) {
+    participant_->OnSharedMapFrame({.shared_map_number = adapter_.map()->number,
+                                    .num_matches = 200,
+                                    .localized = true,
+                                    .T_session_camera = T_world_session_.Inverse() * T_world_camera},
+                                   [&] {
+                                     std::optional<Keyframe> keyframe = See(world, T_world_camera);
+                                     keyframe->stamp_ns = stamp_ns;
+                                     return keyframe;
+                                   });
+    const Status idle = participant_->WaitIdle(kPatience);
+    EXPECT_TRUE(idle.ok()) << idle;
+  }
   /// A frame that was localised on the present shared map.
   void Localize(const Pose3& T_world_camera) {
     participant_->OnSharedMapFrame({.shared_map_number = adapter_.map()->number,
@@ -182,6 +197,43 @@ TEST_F(ParticipantRpcTest, AFurtherSharedMapServesWhoLocalizesOnIt) {
   EXPECT_EQ(second.participant().stats().num_update_reports, 0U);
   second.Fail(world_, Turn(5));
   EXPECT_EQ(second.adapter().map()->number, number + 3) << "all tries anew";
+}
+
+TEST_F(ParticipantRpcTest, WhatADeviceSeesAndMissesIsStoredThoughItUploadsNothing) {
+  constexpr int64_t kMinuteNs = 60'000'000'000;
+  MapTheRoom();
+  const auto device = std::make_unique<TestDevice>(address(), T_world_second_, 2);
+  device->TurnUntilSharing(world_);
+  const SessionId session = *device->participant().session();
+  const auto evidence = [&] { return FindingsOfEvidence(**store_->Read(), session).value(); };
+  const uint64_t uploads = device->participant().stats().num_uploaded;
+  const SyntheticWorld emptied = world_.WithoutCabinet();
+  for (int i = 0; i < 4; ++i) device->LocalizeIn(emptied, SyntheticWorld::Stand(0.3 * i, -2, 0.7 * (i % 2)), i);
+  EXPECT_TRUE(evidence().empty()) << "before a minute is over";
+  device->LocalizeIn(emptied, SyntheticWorld::Stand(0, -2, 0), kMinuteNs + 10);
+  const std::vector<PointFinding> after_a_minute = evidence();
+  ASSERT_FALSE(after_a_minute.empty());
+  // What a server that goes away has acknowledged it has, and the rest comes before the session closes.
+  RestartServer();
+  EXPECT_EQ(evidence(), after_a_minute);
+  ASSERT_TRUE(device->participant().Close(kPatience, /*wait_for_optimization=*/false).ok());
+  EXPECT_EQ(store_->Read().value()->ListEvidence(session)->size(), 2U);
+  EXPECT_EQ(device->participant().stats().num_uploaded, uploads);
+
+  // The map's frame is the founder's first. The cabinet's feet are left out: where they stood the floor is seen.
+  const Aabb cabinet_world(Eigen::Vector3d(-0.7, -0.3, 2.5), Eigen::Vector3d(0.7, 1.2, 3.1));
+  int num_missed = 0, num_seen = 0, num_missed_elsewhere = 0, num_seen_elsewhere = 0;
+  for (const PointFinding& finding : evidence()) {
+    const std::vector<PointRecord> point = store_->Read().value()->FindPoints({&finding.point, 1}).value();
+    if (point.empty()) continue;
+    const bool in_cabinet = cabinet_world.contains(Turn(0) * point[0].position);
+    const bool is_missed = finding.num_missed > finding.num_seen;
+    ++(in_cabinet ? is_missed ? num_missed : num_seen : is_missed ? num_missed_elsewhere : num_seen_elsewhere);
+  }
+  EXPECT_GT(num_missed, 2);
+  EXPECT_LT(num_seen, num_missed);
+  EXPECT_GT(num_seen_elsewhere, 5);
+  EXPECT_LE(num_missed_elsewhere, num_seen_elsewhere / 5) << "the feet are there";
 }
 
 TEST_F(ParticipantRpcTest, WhereTheMapIsEmptyADeviceExpandsIt) {

@@ -91,6 +91,16 @@ std::vector<Keyframe> FakeMapService::reported() const {
   MutexLock lock(mutex_);
   return reported_;
 }
+
+std::vector<v1::ReportEvidenceRequest> FakeMapService::evidence() const {
+  MutexLock lock(mutex_);
+  return evidence_;
+}
+
+int FakeMapService::num_evidence_attempts() const {
+  MutexLock lock(mutex_);
+  return num_evidence_attempts_;
+}
 int FakeMapService::num_upload_attempts() const {
   MutexLock lock(mutex_);
   return num_upload_attempts_;
@@ -209,6 +219,18 @@ grpc::Status FakeMapService::ReportUpdate(grpc::ServerContext*, const v1::Report
     reported_.push_back(*keyframe);
   }
   response->set_verdict(script_.verdict);
+  return grpc::Status::OK;
+}
+
+grpc::Status FakeMapService::ReportEvidence(grpc::ServerContext*, const v1::ReportEvidenceRequest* request,
+                                            v1::ReportEvidenceResponse* response) {
+  MutexLock lock(mutex_);
+  ++num_evidence_attempts_;
+  if (const grpc::Status status = Next(script_.evidence_errors); !status.ok()) return status;
+  response->set_already_stored(std::ranges::any_of(evidence_, [&](const v1::ReportEvidenceRequest& stored) {
+    return stored.session_id() == request->session_id() && stored.number() == request->number();
+  }));
+  if (!response->already_stored()) evidence_.push_back(*request);
   return grpc::Status::OK;
 }
 

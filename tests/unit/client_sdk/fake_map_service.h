@@ -39,6 +39,7 @@ class FakeMapService final : public v1::MapService::Service {
     std::deque<grpc::StatusCode> upload_errors;
     std::deque<grpc::StatusCode> query_errors;
     std::deque<grpc::StatusCode> shared_map_errors;
+    std::deque<grpc::StatusCode> evidence_errors;
     bool unchanged_held_beyond = false;  ///< answers speak of a held tile that there is none of
     bool hold_after_first_tile = false;  ///< shared maps wait there until this is false again
     bool hold_shared_maps = false;       ///< requests for them wait until this is false again
@@ -62,6 +63,8 @@ class FakeMapService final : public v1::MapService::Service {
   std::vector<v1::AssessOverlapRequest> queries() const;
   std::vector<v1::RequestSharedMapRequest> shared_map_requests() const;
   std::vector<Keyframe> reported() const;
+  std::vector<v1::ReportEvidenceRequest> evidence() const;  ///< stored, in order
+  int num_evidence_attempts() const;
   int num_upload_attempts() const;
   int num_open_attempts() const;
   std::vector<v1::OpenSessionRequest> opened() const;
@@ -79,6 +82,8 @@ class FakeMapService final : public v1::MapService::Service {
                                 grpc::ServerWriter<v1::RequestSharedMapResponse>* writer) override;
   grpc::Status ReportUpdate(grpc::ServerContext* context, const v1::ReportUpdateRequest* request,
                             v1::ReportUpdateResponse* response) override;
+  grpc::Status ReportEvidence(grpc::ServerContext* context, const v1::ReportEvidenceRequest* request,
+                              v1::ReportEvidenceResponse* response) override;
   grpc::Status CloseSession(grpc::ServerContext* context, const v1::CloseSessionRequest* request,
                             v1::CloseSessionResponse* response) override;
   grpc::Status GetSessionPoses(grpc::ServerContext* context, const v1::GetSessionPosesRequest* request,
@@ -95,6 +100,8 @@ class FakeMapService final : public v1::MapService::Service {
   std::vector<v1::AssessOverlapRequest> queries_ ABSL_GUARDED_BY(mutex_);
   std::vector<v1::RequestSharedMapRequest> shared_map_requests_ ABSL_GUARDED_BY(mutex_);
   std::vector<Keyframe> reported_ ABSL_GUARDED_BY(mutex_);
+  std::vector<v1::ReportEvidenceRequest> evidence_ ABSL_GUARDED_BY(mutex_);
+  int num_evidence_attempts_ ABSL_GUARDED_BY(mutex_) = 0;
   std::map<uint32_t, std::deque<v1::WatchSessionResponse>> events_ ABSL_GUARDED_BY(mutex_);  // by session
   std::vector<uint32_t> closed_sessions_ ABSL_GUARDED_BY(mutex_);
   uint32_t next_session_ ABSL_GUARDED_BY(mutex_) = kSession;

@@ -56,6 +56,17 @@ class SharedTilesTest : public ::testing::Test {
   TestFolder folder_;
 };
 
+TEST_F(SharedTilesTest, ATileIsFoundOnceItIsDecoded) {
+  Earlier({TileAt(1, Revision(3))});
+  SharedTiles tiles = WithFolder();
+  EXPECT_EQ(tiles.Find({1, 0, 0}), nullptr);
+  const std::vector<ClientHeldTile> held = tiles.Held(Eigen::Vector3d::Zero(), kAnywhereM);
+  EXPECT_EQ(tiles.Find({1, 0, 0}), nullptr) << "only its bytes are here";
+  tiles.Take({.tiles = {}, .unchanged_held = {0}, .outdated_held = {}, .first_tile_after = {}}, held);
+  ASSERT_NE(tiles.Find({1, 0, 0}), nullptr);
+  EXPECT_EQ(tiles.Find({1, 0, 0})->revision, Revision(3));
+}
+
 TEST_F(SharedTilesTest, PointsComeInTheSessionsFrame) {
   SharedTiles tiles = InMemory();
   const Tile tile = TestTile(Revision(3), 5);

@@ -47,6 +47,8 @@ struct TrafficCounters {
   uint64_t num_shared_map_requests = 0;
   uint64_t report_bytes = 0;
   uint64_t num_reports = 0;  ///< answered
+  uint64_t evidence_bytes = 0;
+  uint64_t num_evidence_reports = 0;  ///< acknowledged
   uint64_t num_retries = 0;
 };
 
@@ -174,6 +176,10 @@ class MapClient {
                                              const std::function<void(const ClientSharedMap& so_far)>& on_tile = {});
   StatusOr<ClientUpdateVerdict> ReportUpdate(SessionId session, const std::vector<std::string>& packets,
                                              Patience patience = Patience::kRetry);
+  /// `packet`: what was seen and missed of the map's points, docs/formats/evidence.md; `number` counts the session's
+  /// reports from 0. Durable when it returns OK; the same number again is acknowledged and stored once.
+  Status ReportEvidence(SessionId session, uint32_t number, const std::string& packet,
+                        Patience patience = Patience::kRetry);
   /// Number of keyframes the server holds of the session, and whether an optimisation follows.
   StatusOr<std::pair<uint64_t, bool>> CloseSession(SessionId session);
   /// The session's keyframes that stand in the map, by number, at their present poses. FAILED_PRECONDITION: it is not

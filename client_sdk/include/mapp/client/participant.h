@@ -62,6 +62,10 @@ struct ParticipantOptions {
   /// 65536. Less than the nearest tile takes is no map: the device goes on mapping for itself.
   uint64_t max_shared_map_bytes = 0;
   TileCacheOptions tile_cache = {};
+  /// While it localises on shared maps the device tells the server which of a sample of their points it saw and which
+  /// it missed, so that changes of the world are found though nothing is uploaded: some hundreds of bytes a minute
+  /// (docs/formats/evidence.md).
+  bool report_evidence = true;
   /// Keyframes waiting for the server; beyond it the oldest is dropped and counted.
   size_t max_queued_keyframes = 200;
   Status Validate() const;
@@ -148,7 +152,8 @@ class Participant {
   /// Queued; returns at once. On the wire the numbers run on after keyframes that OnSharedMapFrame handed in.
   void OnKeyframe(Keyframe keyframe);
   /// How a frame fared on the shared map; a failure resumes queries (algorithm 1). `last_keyframe` makes the whole
-  /// keyframe of that frame and is called, on this thread, only when it failed.
+  /// keyframe of that frame and is called, on this thread, only when it failed, and about once a metre of way
+  /// (ParticipantOptions::report_evidence). Depths it has measured beyond its points belong into Keyframe::raster.
   void OnSharedMapFrame(const SharedMapFrame& frame, const std::function<std::optional<Keyframe>()>& last_keyframe);
   /// The system has begun a new map in a new frame `session` whose place relative to the last one it does not know.
   /// What is handed in from now on belongs to a new session, with numbers from 0. The one before is sent to its end and

@@ -1,4 +1,4 @@
-#include "server/changes/neighbor_grid.h"
+#include "mapp/geometry/neighbor_grid.h"
 
 namespace mapp {
 

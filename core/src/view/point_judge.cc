@@ -1,7 +1,8 @@
-#include "server/changes/point_judge.h"
+#include "mapp/view/point_judge.h"
 
 #include "mapp/feature/feature.h"
-#include "server/changes/neighbor_grid.h"
+#include "mapp/geometry/neighbor_grid.h"
+#include "mapp/view/view_cone.h"
 
 #include <algorithm>
 #include <cmath>
@@ -32,7 +33,34 @@ void Count(uint16_t& counter) {
   if (counter < std::numeric_limits<uint16_t>::max()) ++counter;
 }
 
+uint16_t Sum(uint16_t a, uint16_t b) {
+  return static_cast<uint16_t>(std::min<uint32_t>(uint32_t{a} + b, std::numeric_limits<uint16_t>::max()));
+}
+
+/// Ratio of the distance to an image corner to its depth.
+double GreatestSecant(const Camera& camera) {
+  double greatest = 1;
+  for (const double u_px : {0.0, camera.width_px - 1.0}) {
+    for (const double v_px : {0.0, camera.height_px - 1.0}) {
+      greatest = std::max(greatest, camera.Unproject({u_px, v_px}).norm());
+    }
+  }
+  return greatest;
+}
+
 }  // namespace
+
+MeasuredView::MeasuredView(const Keyframe& keyframe, const Pose3& with_T_map_camera, const Camera& with_camera,
+                           double with_range_m, double scale)
+    : T_map_camera(with_T_map_camera),
+      camera(with_camera),
+      range_m(with_range_m),
+      complete(!keyframe.partial || keyframe.raster.has_value()),
+      geometry(OwnSurfacePoints(keyframe, with_camera, scale)) {
+  // A point beyond everything that was measured has nothing behind it that would show it missing.
+  const double reach_m = std::min(range_m, geometry.farthest_depth_m() * GreatestSecant(camera));
+  box_map = ViewCone{T_map_camera, reach_m, camera.FieldOfView()}.BoundingBox();
+}
 
 bool PointJudge::Counts::CountsFrom(int8_t view_ring) {
   if (view_ring > ring) return false;
@@ -41,7 +69,7 @@ bool PointJudge::Counts::CountsFrom(int8_t view_ring) {
   return true;
 }
 
-void PointJudge::Add(const WitnessView& view, std::span<const PointTiles::Points> tiles) {
+void PointJudge::Add(const MeasuredView& view, std::span<const SightedPoints> tiles) {
   const Pose3 T_camera_map = view.T_map_camera.Inverse();
   const Eigen::Matrix3f R_camera_map = T_camera_map.RotationMatrix().cast<float>();
   const Eigen::Vector3f t_camera_map = T_camera_map.translation().cast<float>();
@@ -50,7 +78,7 @@ void PointJudge::Add(const WitnessView& view, std::span<const PointTiles::Points
   const auto focal_px = static_cast<float>(view.camera.MeanFocalPx());
   const auto nearest_share = static_cast<float>(1 / OctaveScale(options_.num_levels - 1));
   const float max_depth_m = std::min(static_cast<float>(view.range_m), view.geometry.farthest_depth_m());
-  for (const PointTiles::Points& tile : tiles) {
+  for (const SightedPoints& tile : tiles) {
     std::vector<Counts>& counts = counts_[tile];
     counts.resize(tile->size());
     for (size_t i = 0; i < tile->size(); ++i) {
@@ -123,6 +151,19 @@ std::vector<PointFinding> PointJudge::Conclude() const {
   std::sort(findings.begin(), findings.end(),
             [](const PointFinding& a, const PointFinding& b) { return a.point < b.point; });
   return findings;
+}
+
+std::vector<PointFinding> MergeFindings(std::span<const PointFinding> findings) {
+  std::vector<PointFinding> merged;
+  for (const PointFinding& finding : findings) {
+    if (merged.empty() || merged.back().point != finding.point) {
+      merged.push_back(finding);
+      continue;
+    }
+    merged.back().num_seen = Sum(merged.back().num_seen, finding.num_seen);
+    merged.back().num_missed = Sum(merged.back().num_missed, finding.num_missed);
+  }
+  return merged;
 }
 
 }  // namespace mapp

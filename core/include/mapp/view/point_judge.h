@@ -1,0 +1,109 @@
+#pragma once
+
+#include "mapp/base/id.h"
+#include "mapp/camera/camera_model.h"
+#include "mapp/geometry/pose3.h"
+#include "mapp/map/keyframe.h"
+#include "mapp/map/tile.h"
+#include "mapp/view/seen_geometry.h"
+
+#include <Eigen/Core>
+
+#include <array>
+#include <cstdint>
+#include <functional>
+#include <limits>
+#include <memory>
+#include <span>
+#include <unordered_map>
+#include <utility>
+#include <vector>
+
+namespace mapp {
+
+/// Cosine of the greatest angle between two rays to a point that see it alike, 50 degrees (OVERLAP study).
+inline constexpr float kLikeViewCosine = 0.6427876F;
+
+/// A map point as far as it takes to tell from where it can be seen.
+struct SightedPoint {
+  Eigen::Vector3f p_map;
+  float reference_distance_m = 1;  ///< as TilePoint::reference_distance_m
+  MapPointId id;
+  SessionId founder;  ///< 0 where nobody asks: tiles do not tell it
+  uint32_t num_directions = 0;
+  /// Unit vectors from observing camera centres to the point.
+  std::array<Eigen::Vector3f, TilePoint::kMaxObservers> directions;
+};
+/// Of one tile.
+using SightedPoints = std::shared_ptr<const std::vector<SightedPoint>>;
+
+/// What views of one session say of a point together.
+struct PointFinding {
+  MapPointId point;
+  uint16_t num_seen = 0;    ///< views that measured a surface there
+  uint16_t num_missed = 0;  ///< views that should have, and measured what lies beyond
+  friend bool operator==(const PointFinding&, const PointFinding&) = default;
+};
+
+/// A keyframe that stands in the map, as a judge of its points: where it looked from, and where it measured surfaces.
+struct MeasuredView {
+  /// `scale`: of the keyframe's depths (SessionRecord::scale_map_session). `with_range_m`: h of the map.
+  MeasuredView(const Keyframe& keyframe, const Pose3& with_T_map_camera, const Camera& with_camera, double with_range_m,
+               double scale);
+
+  Pose3 T_map_camera;
+  Camera camera;
+  double range_m = 0;
+  /// False: redundancy control has taken out what the map held, without a raster of it: it misses nothing.
+  bool complete = true;
+  SeenGeometry geometry;
+  Aabb box_map;  ///< around all that it can tell of
+};
+
+struct PointJudgeOptions {
+  /// Nearest judged neighbours that a missed point is compared with (K of the paper), within which distance, and how
+  /// many of them must be missed as well: things vanish whole, points that a detector passes over do so alone.
+  size_t num_neighbors = 8;
+  float neighbor_radius_m = 0.6F;
+  double min_missed_neighbor_ratio = 0.5;
+  /// Points this near to the image border may have been cut off by the pose's error, pixels.
+  double image_margin_px = 16;
+  /// Octaves of the extractor's pyramid: what is nearer than its coarsest level shows is not expected to be detected.
+  int num_levels = 8;
+};
+
+/// Counts over the views of one session which points were seen where they should have been (DESIGN 10): on the server
+/// over stored keyframes, on a device over frames that it localised on a shared map. Not thread-safe.
+class PointJudge {
+ public:
+  /// `is_asked(const SightedPoint&)`: points that are to be judged.
+  PointJudge(const PointJudgeOptions& options, std::function<bool(const SightedPoint&)> is_asked)
+      : options_(options), is_asked_(std::move(is_asked)) {}
+
+  /// `tiles`: those that meet the view's box.
+  void Add(const MeasuredView& view, std::span<const SightedPoints> tiles);
+  /// Judged points by ascending id. Missed ones whose neighbours were seen are left out. A point that came in two
+  /// versions of its tile stands there twice.
+  std::vector<PointFinding> Conclude() const;
+
+ private:
+  /// Of the session's nearest views of the point: what is told apart grows with the distance.
+  struct Counts {
+    uint16_t num_seen = 0, num_missed = 0;
+    int8_t ring = std::numeric_limits<int8_t>::max();
+    /// Whether a view from that ring counts. Forgets what was counted from further away.
+    bool CountsFrom(int8_t view_ring);
+    bool judged() const { return num_seen + num_missed > 0; }
+    /// More views than one in five saw it: then it is there, and others looked past it.
+    bool missed() const { return num_missed > 4 * num_seen; }
+  };
+
+  PointJudgeOptions options_;
+  std::function<bool(const SightedPoint&)> is_asked_;
+  std::unordered_map<SightedPoints, std::vector<Counts>> counts_;
+};
+
+/// Adds up what is said of the same point, saturating. `findings`: by ascending id, as the result.
+std::vector<PointFinding> MergeFindings(std::span<const PointFinding> findings);
+
+}  // namespace mapp
