@@ -37,25 +37,26 @@ constexpr MapKind kKinds[] = {{.title = "as it was"},
 class NextDevice {
  public:
   NextDevice(EvalContext& context, const std::string& setting, uint64_t seed)
-      : context_(context), num_maps_visits_(context.quick() ? 3 : 5) {
-    // Visits before and one after, as many afterwards, and the device's that is looked at.
-    world_ = SettingWorld(context, setting, 2 * num_maps_visits_);
+      : context_(context), num_before_(context.quick() ? 4 : 6), num_visits_(context.quick() ? 6 : 10) {
+    world_ = SettingWorld(context, setting, num_visits_);
     world_.sensor = SensorKind::kRgbd;
     world_.rate_hz = 10;
     world_.path_m = context.quick() ? 20 : 30;
     world_.seed = seed;
     world_.num_routes = 1;
-    world_.num_changes = 2;
+    world_.num_changes = 1;
     world_.change_kinds = {sim::ChangeKind::kVanished};
-    world_.num_stable_visits = num_maps_visits_ - 1;
+    // One change comes in the middle of the time that is left.
+    world_.num_stable_visits = 2 * num_before_ - num_visits_ + 1;
     world_.change_reach_m = 6;
   }
 
   /// The device's report, on a map of this kind.
   StatusOr<Figures> Play(const MapKind& kind) {
     FleetSpec spec = FleetOf(world_, Level::kFeatures, "upload_all");
-    const auto first = spec.devices.begin() + (kind.is_built_after ? num_maps_visits_ - 1 : 0);
-    spec.devices = {first, first + num_maps_visits_};
+    const auto after = spec.devices.begin() + num_before_;
+    spec.devices =
+        kind.is_built_after ? std::vector(after, spec.devices.end() - 1) : std::vector(spec.devices.begin(), after + 1);
     MAPP_ASSIGN_OR_RETURN(const auto fleet, context_.lab.Run(spec));
     const std::string folder =
         fmt::format("{}/accepted_{}_{}_{}", context_.lab.options().work_folder, world_.setting, world_.seed,
@@ -74,7 +75,7 @@ class NextDevice {
     run.device = "next";
     run.participation = PolicyNamed(kPolicy).participation;
     MAPP_ASSIGN_OR_RETURN(run.simulation, context_.lab.WorldOf(world_));
-    run.visit = 2 * num_maps_visits_ - 1;
+    run.visit = num_visits_ - 1;
     run.patience = context_.lab.options().session_timeout;
     run.json_file = folder + "/next.json";
     run.trajectory_file = folder + "/next.traj";
@@ -90,7 +91,8 @@ class NextDevice {
 
  private:
   EvalContext& context_;
-  const int num_maps_visits_;
+  const int num_before_;  ///< visits before the thing leaves
+  const int num_visits_;
   sim::SimulationOptions world_;
 };
 
