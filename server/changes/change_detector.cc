@@ -52,15 +52,15 @@ StatusOr<ChangingPoints> FindChangingPoints(MapReader& reader, std::span<const S
   return changing;
 }
 
-/// Whether nobody but one device, of which there are no views, says that the thing is gone: one that is wrong must not
-/// retire what others have confirmed.
-bool IsOneDevicesWord(const Happening& happening, const DeviceNames& devices, const FindingsMaker& maker) {
+/// Devices that say that the thing is gone without views of it; empty when there are views.
+std::set<std::string> TellersWithoutViews(const Happening& happening, const DeviceNames& devices,
+                                          const FindingsMaker& maker) {
   std::set<std::string> tellers;
   for (const SessionId session : happening.missed_by) {
-    if (!maker.FramesOf(session).empty()) return false;
+    if (!maker.FramesOf(session).empty()) return {};
     tellers.insert(devices.at(session));
   }
-  return tellers.size() < 2;
+  return tellers;
 }
 
 /// What the thing's visits tell together of the event that its points were grouped by. nullopt: nothing, or too
@@ -85,7 +85,10 @@ StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const
   std::optional<Happening> happening = HappeningAt(
       visits, thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished, event_opened->second, options.presence);
   if (!happening || happening->confidence < options.min_confidence) return std::nullopt;
-  if (happening->kind == ChangeKind::kVanished && IsOneDevicesWord(*happening, devices, maker)) return std::nullopt;
+  const std::set<std::string> without_views = TellersWithoutViews(*happening, devices, maker);
+  // One device that is wrong must not retire what others have confirmed.
+  if (happening->kind == ChangeKind::kVanished && without_views.size() == 1) return std::nullopt;
+  part.is_sampled = !without_views.empty();
   MAPP_ASSIGN_OR_RETURN(const bool is_standing, IsStanding(points, happening->seen_by, maker, options.stay));
   if (!is_standing) return std::nullopt;
   part.happening = *std::move(happening);
@@ -125,7 +128,7 @@ ChangeRecord RecordOf(const Happening& happening) {
 /// there, so that the thing is a part of a surface that views do not agree on.
 StatusOr<std::optional<FoundChange>> Finish(const ChangedPart& part, const Eigen::Vector3d& up_map,
                                             const PlaceCheck& places, const DerivationOptions& options) {
-  if (part.points.size() < options.min_points) return std::nullopt;
+  if (!part.is_sampled && part.points.size() < options.min_points) return std::nullopt;
   std::vector<Eigen::Vector3f> positions;
   std::vector<MapPointId> ids;
   Eigen::Vector3d view_map = Eigen::Vector3d::Zero();
@@ -170,9 +173,12 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
   }
   MAPP_ASSIGN_OR_RETURN(const ChangingPoints changing, FindChangingPoints(reader, findings));
   const Eigen::Vector3d up_map = UpDirection(frames);
+  GroupingOptions grouping = options.grouping;
+  for (const SessionFindings& of_session : findings) {
+    if (maker.FramesOf(of_session.session).empty()) grouping.sampled.insert(of_session.session);
+  }
   std::vector<ChangedPart> parts;
-  for (const ChangedThing& thing :
-       GroupThings(changing.courses, changing.p_map, up_map.cast<float>(), options.grouping)) {
+  for (const ChangedThing& thing : GroupThings(changing.courses, changing.p_map, up_map.cast<float>(), grouping)) {
     MAPP_ASSIGN_OR_RETURN(std::optional<ChangedPart> part,
                           JudgeThing(thing, changing, opened_ns, devices, maker, options));
     if (part) parts.push_back(*std::move(part));

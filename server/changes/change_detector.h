@@ -25,7 +25,7 @@ struct DerivationOptions {
   ThingVisitOptions visits;
   StayOptions stay;
   PairingOptions pairing;
-  /// Fewer points that tell of a change are chance.
+  /// Fewer points that tell of a change are chance, but for those of a sample (grouping.min_points).
   size_t min_points = 40;
   /// Boxes: share of a thing's points at either end that are taken for strays, and the least length of a side.
   double stray_share = 0.06;

@@ -18,7 +18,8 @@ struct ChangedPart {
     Eigen::Vector3f direction;  ///< unit, mean of (point - camera centre)
   };
   Happening happening;
-  size_t group = 0;  ///< ChangedThing::group
+  size_t group = 0;         ///< ChangedThing::group
+  bool is_sampled = false;  ///< only devices that tell of a sample of points say that it is gone
   std::vector<Point> points;
 };
 

@@ -72,10 +72,10 @@ std::map<GroupEvent, std::vector<PointChange>> PointsOfEvents(std::span<const Po
 /// Those of the points that hang together.
 std::vector<std::vector<PointChange>> Linked(std::span<const PointCourse> courses,
                                              std::span<const Eigen::Vector3f> p_map,
-                                             const std::vector<PointChange>& points, const GroupingOptions& options) {
+                                             const std::vector<PointChange>& points, float gap_m, size_t min_points) {
   std::vector<Eigen::Vector3f> positions;
   for (const PointChange& one : points) positions.push_back(p_map[one.point]);
-  const NeighborGrid grid(positions, options.gap_m);
+  const NeighborGrid grid(positions, gap_m);
   Forest forest(points.size());
   for (size_t i = 0; i < points.size(); ++i) {
     grid.VisitWithin(positions[i], [&](size_t k, float) {
@@ -87,7 +87,7 @@ std::vector<std::vector<PointChange>> Linked(std::span<const PointCourse> course
   for (size_t i = 0; i < points.size(); ++i) by_root[forest.RootOf(i)].push_back(points[i]);
   std::vector<std::vector<PointChange>> linked;
   for (auto& [root, members] : by_root) {
-    if (members.size() >= options.min_points) linked.push_back(std::move(members));
+    if (members.size() >= min_points) linked.push_back(std::move(members));
   }
   return linked;
 }
@@ -171,7 +171,8 @@ std::vector<ChangedThing> GroupThings(std::span<const PointCourse> courses, std:
   };
   std::vector<Candidate> candidates;
   for (const auto& [event, points] : PointsOfEvents(courses)) {
-    for (std::vector<PointChange>& linked : Linked(courses, p_map, points, options)) {
+    const float gap_m = options.sampled.contains(event.session) ? options.sampled_gap_m : options.gap_m;
+    for (std::vector<PointChange>& linked : Linked(courses, p_map, points, gap_m, options.min_points)) {
       candidates.push_back({event, std::move(linked)});
     }
   }

@@ -5,6 +5,7 @@
 #include <Eigen/Core>
 
 #include <compare>
+#include <set>
 #include <span>
 #include <vector>
 
@@ -29,7 +30,11 @@ struct ChangedThing {
 };
 
 struct GroupingOptions {
-  float gap_m = 0.5F;     ///< points of one thing have a neighbour within it
+  float gap_m = 0.5F;  ///< points of one thing have a neighbour within it
+  /// Likewise at events of `sampled`: by sessions that tell of a sample of points alone (codec/evidence_codec.h), so
+  /// that what they tell of lies further apart.
+  float sampled_gap_m = 1.0F;
+  std::set<SessionId> sampled = {};
   size_t min_points = 8;  ///< fewer are noise
 };
 

@@ -1,5 +1,6 @@
 // A cabinet is carried out of a room: what the service makes of the visits before and after.
 
+#include "mapp/codec/evidence_codec.h"
 #include "storage/map_store.h"
 #include "tests/unit/server/quarantine_fixture.h"
 
@@ -35,6 +36,26 @@ class ChangesTest : public QuarantineTest {
     return detected.changes.empty() ? ChangeId() : detected.changes.front().id;
   }
   std::vector<ChangeRecord> Stored() { return *service_->ListChanges(context_, "room"); }
+  /// A visit of a device that uploads nothing, and says that it has missed everything where the cabinet stands.
+  void MissCabinet(const std::string& device) {
+    std::vector<PointFinding> missed;
+    for (const auto& [id, point] : Content().points) {
+      if (kCabinet.Contains(point.position, 0.05) && IsInEvidenceSample(id)) missed.push_back({id, 0, 3});
+    }
+    std::ranges::sort(missed, {}, &PointFinding::point);
+    const auto tell = [&](MapWriter& writer) -> Status {
+      SessionRecord session = writer.ListSessions(Map().id)->front();
+      session.id = SessionId();
+      session.device = device;
+      session.opened_ns = 0;
+      MAPP_ASSIGN_OR_RETURN(session.id, writer.InsertSession(session));
+      MAPP_RETURN_IF_ERROR(writer.UpdateSession(session));
+      return writer.AppendEvidence(
+          {.session = session.id, .number = 0, .received_ns = 0, .packet = EncodeEvidence(missed)});
+    };
+    const Status told = store_->Write(context_, tell);
+    ASSERT_TRUE(told.ok()) << told;
+  }
   size_t NumLive(const std::vector<MapPointId>& points) { return (*store_->Read())->FindPoints(points)->size(); }
 };
 
@@ -84,6 +105,18 @@ TEST_F(ChangesTest, WhatComesBackHasComeBack) {
   std::vector<ChangeKind> kinds;
   for (const ChangeRecord& change : Detect().changes) kinds.push_back(change.kind);
   EXPECT_THAT(kinds, ::testing::ElementsAre(ChangeKind::kVanished, ChangeKind::kAppeared));
+}
+
+TEST_F(ChangesTest, OneDevicesWordAloneRetiresNothing) {
+  Visit(world_);
+  Visit(world_);
+  for (int i = 0; i < 5; ++i) MissCabinet("liar");
+  EXPECT_TRUE(Detect().changes.empty());
+  MissCabinet("another");
+  const DetectedChanges detected = Detect();
+  ASSERT_EQ(detected.changes.size(), 1U);
+  EXPECT_EQ(detected.changes.front().kind, ChangeKind::kVanished);
+  EXPECT_EQ(detected.num_sessions, 9U);
 }
 
 TEST_F(ChangesTest, AcceptanceEndsPointsAndUndoingBringsThemBack) {
