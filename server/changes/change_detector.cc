@@ -80,10 +80,15 @@ StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const
     histories.push_back(&changing.histories[i]);
     part.points.push_back({changing.histories[i].point, changing.p_map[i], changing.directions[i]});
   }
+  const ChangeKind kind = thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished;
+  const std::vector<TellingSession> telling = TellingSessions(histories, opened_ns, maker, options.visits);
+  // Views are read only where points tell of something.
+  if (!HappeningAt(VisitsByPoints(telling, options.visits), kind, event_opened->second, options.presence)) {
+    return std::nullopt;
+  }
   MAPP_ASSIGN_OR_RETURN(const std::vector<ThingVisit> visits,
-                        VisitsOfThing(points, histories, opened_ns, event_opened->second, maker, options.visits));
-  std::optional<Happening> happening = HappeningAt(
-      visits, thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished, event_opened->second, options.presence);
+                        VisitsOfThing(points, telling, event_opened->second, maker, options.visits));
+  std::optional<Happening> happening = HappeningAt(visits, kind, event_opened->second, options.presence);
   if (!happening || happening->confidence < options.min_confidence) return std::nullopt;
   const std::set<std::string> without_views = TellersWithoutViews(*happening, devices, maker);
   // One device that is wrong must not retire what others have confirmed.

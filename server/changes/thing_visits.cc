@@ -9,15 +9,8 @@
 namespace mapp {
 namespace {
 
-struct PointCounts {
-  size_t num_seen = 0, num_missed = 0;
-  double num_judged() const { return static_cast<double>(num_seen + num_missed); }
-};
-
 /// Sums over a session's views.
 struct Looked {
-  SessionId session;
-  int64_t time_ns = 0;
   double num_hits = 0, num_passed = 0;
   double area = 0;  ///< of the outlines in all views
   struct View {
@@ -47,30 +40,17 @@ std::map<SessionId, PointCounts> CountPoints(std::span<const PointHistory* const
   return counts;
 }
 
-/// Sessions that have judged enough of the thing, by the time they were opened: the nearest before the event and from
-/// it on.
-template <typename Tells>
-std::vector<std::pair<int64_t, SessionId>> NearestTelling(const std::map<SessionId, PointCounts>& counts,
-                                                          const Tells& tells,
-                                                          const std::map<SessionId, int64_t>& opened_ns,
-                                                          int64_t event_ns, size_t max_a_side) {
-  std::vector<std::pair<int64_t, SessionId>> telling;
-  for (const auto& [session, of_points] : counts) {
-    const auto opened = opened_ns.find(session);
-    if (opened == opened_ns.end() || !tells(session, of_points)) continue;
-    telling.emplace_back(opened->second, session);
-  }
-  std::ranges::sort(telling);
-  const auto event = std::ranges::lower_bound(telling, event_ns, {}, [](const auto& one) { return one.first; });
-  const auto a_side = static_cast<std::ptrdiff_t>(max_a_side);
-  const auto first = event - std::min(a_side, event - telling.begin());
-  const auto end = event + std::min(a_side, telling.end() - event);
-  return {first, end};
+/// What a visit's points say without its rays.
+ThingVisit VisitByPoints(const TellingSession& one, const ThingVisitOptions& options) {
+  // Where points are a sample, each stands for many.
+  const double weight = one.has_views ? options.point_weight : 1.0;
+  const double num_seen = weight * static_cast<double>(one.counts.num_seen);
+  const double num_missed = weight * static_cast<double>(one.counts.num_missed);
+  return {one.session, {one.opened_ns, num_seen, num_missed}, num_missed > num_seen};
 }
 
 StatusOr<Looked> Look(const ThingPoints& points, SessionId session, FindingsMaker& maker, size_t max_views) {
   Looked all;
-  all.session = session;
   MAPP_ASSIGN_OR_RETURN(const auto views, maker.ViewsInto(session, points.BoxMap(), max_views));
   for (const auto& view : views) {
     const ThingSighting sighting = SightThing(*view, points.p_map, points.directions);
@@ -85,12 +65,13 @@ StatusOr<Looked> Look(const ThingPoints& points, SessionId session, FindingsMake
   return all;
 }
 
-PresenceEvidence EvidenceOfRays(const Looked& looked, double greatest_density, const ThingVisitOptions& options) {
+PresenceEvidence EvidenceOfRays(const Looked& looked, int64_t time_ns, double greatest_density,
+                                const ThingVisitOptions& options) {
   const double num_expected = looked.NumExpected(options.least_density_share * greatest_density);
   const double num_missed = std::max({0.0, looked.num_passed, num_expected - looked.num_hits});
   const double share =
       options.independent_views / std::max(options.independent_views, static_cast<double>(looked.num_views));
-  return {looked.time_ns, share * looked.num_hits, share * num_missed};
+  return {time_ns, share * looked.num_hits, share * num_missed};
 }
 
 /// nullopt: points and rays contradict each other, so that the visit tells nothing.
@@ -113,43 +94,58 @@ Aabb ThingPoints::BoxMap() const {
   return box_map;
 }
 
-StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
-                                                std::span<const PointHistory* const> histories,
-                                                const std::map<SessionId, int64_t>& opened_ns, int64_t event_ns,
-                                                FindingsMaker& maker, const ThingVisitOptions& options) {
-  std::vector<Looked> looked;
-  double greatest_density = 0;
-  const auto least = static_cast<double>(options.min_judged_points);
-  const std::map<SessionId, PointCounts> counts = CountPoints(histories);
+std::vector<TellingSession> TellingSessions(std::span<const PointHistory* const> histories,
+                                            const std::map<SessionId, int64_t>& opened_ns, const FindingsMaker& maker,
+                                            const ThingVisitOptions& options) {
   const double least_judged = options.min_judged_share * static_cast<double>(histories.size());
-  // Devices that tell without views tell of a sample.
-  const auto tells = [&](SessionId session, const PointCounts& of_points) {
-    const double share = maker.FramesOf(session).empty() ? 1.0 / kEvidenceOneIn : 1.0;
-    return of_points.num_judged() >= std::max(least, share * least_judged);
-  };
-  for (const auto& [time_ns, session] :
-       NearestTelling(counts, tells, opened_ns, event_ns, options.max_sessions_a_side)) {
-    MAPP_ASSIGN_OR_RETURN(Looked one, Look(points, session, maker, options.max_views));
-    one.time_ns = time_ns;
-    if (one.num_hits >= least) greatest_density = std::max(greatest_density, one.num_hits / one.area);
-    looked.push_back(one);
+  std::vector<TellingSession> telling;
+  for (const auto& [session, counts] : CountPoints(histories)) {
+    const auto opened = opened_ns.find(session);
+    if (opened == opened_ns.end()) continue;
+    // Devices that tell without views tell of a sample.
+    const bool has_views = !maker.FramesOf(session).empty();
+    const double share = has_views ? 1.0 : 1.0 / kEvidenceOneIn;
+    if (counts.num_judged() < std::max(options.min_judged_points, share * least_judged)) continue;
+    telling.push_back({session, opened->second, counts, has_views});
+  }
+  std::ranges::stable_sort(telling, {}, &TellingSession::opened_ns);
+  return telling;
+}
+
+std::vector<ThingVisit> VisitsByPoints(std::span<const TellingSession> telling, const ThingVisitOptions& options) {
+  std::vector<ThingVisit> visits;
+  for (const TellingSession& one : telling) visits.push_back(VisitByPoints(one, options));
+  return visits;
+}
+
+StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points, std::span<const TellingSession> telling,
+                                                int64_t event_ns, FindingsMaker& maker,
+                                                const ThingVisitOptions& options) {
+  const auto event = std::ranges::lower_bound(telling, event_ns, {}, &TellingSession::opened_ns);
+  const auto a_side = static_cast<std::ptrdiff_t>(options.max_sessions_a_side);
+  std::vector<std::optional<Looked>> looked;
+  double greatest_density = 0;
+  for (auto one = telling.begin(); one != telling.end(); ++one) {
+    looked.emplace_back();
+    if (!one->has_views || event - one > a_side || one - event >= a_side) continue;
+    MAPP_ASSIGN_OR_RETURN(looked.back(), Look(points, one->session, maker, options.max_views));
+    const Looked& rays = *looked.back();
+    if (rays.num_hits >= options.min_judged_points) {
+      greatest_density = std::max(greatest_density, rays.num_hits / rays.area);
+    }
   }
   std::vector<ThingVisit> visits;
-  for (const Looked& one : looked) {
-    const PointCounts& of_points = counts.at(one.session);
-    if (one.num_views == 0) {
-      // Points are all that a device tells that uploads nothing (decision 0021). Of a session that uploads, frames that
-      // do not see the thing tell nothing.
-      if (!maker.FramesOf(one.session).empty()) continue;
-      const auto num_seen = static_cast<double>(of_points.num_seen),
-                 num_missed = static_cast<double>(of_points.num_missed);
-      visits.push_back({one.session, {one.time_ns, num_seen, num_missed}, num_missed > num_seen});
+  for (size_t i = 0; i < telling.size(); ++i) {
+    const TellingSession& one = telling[i];
+    if (!looked[i]) {
+      visits.push_back(VisitByPoints(one, options));
       continue;
     }
-    const PresenceEvidence of_rays = EvidenceOfRays(one, greatest_density, options);
-    const auto evidence = Combine(of_rays, of_points, histories.size(), options);
-    if (!evidence || evidence->num_seen + evidence->num_missed < least) continue;
-    visits.push_back({one.session, *evidence, one.num_passed > one.num_hits});
+    if (looked[i]->num_views == 0) continue;
+    const PresenceEvidence of_rays = EvidenceOfRays(*looked[i], one.opened_ns, greatest_density, options);
+    const auto evidence = Combine(of_rays, one.counts, points.p_map.size(), options);
+    if (!evidence || evidence->num_seen + evidence->num_missed < options.min_judged_points) continue;
+    visits.push_back({one.session, *evidence, looked[i]->num_passed > looked[i]->num_hits});
   }
   return visits;
 }

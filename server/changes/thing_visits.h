@@ -24,7 +24,7 @@ struct ThingPoints {
 
 struct ThingVisitOptions {
   /// A session is asked about a thing when it has judged so many of its points, and this share of them.
-  size_t min_judged_points = 4;
+  double min_judged_points = 4;
   double min_judged_share = 0.15;
   /// Sessions asked on either side of an event: a map of years has many that say the same.
   size_t max_sessions_a_side = 8;
@@ -50,15 +50,36 @@ struct ThingVisit {
   bool was_passed = false;  ///< more rays went on beyond the thing than ended at it
 };
 
-/// Asks the views of sessions that have judged points of the thing (`histories`) where their rays ended: of those in
-/// `opened_ns` the nearest before the event and from it on. By when they were opened.
+/// How many of a thing's points a session saw and missed.
+struct PointCounts {
+  size_t num_seen = 0, num_missed = 0;
+  double num_judged() const { return static_cast<double>(num_seen + num_missed); }
+};
+
+/// A session that has judged enough of a thing to be asked.
+struct TellingSession {
+  SessionId session;
+  int64_t opened_ns = 0;
+  PointCounts counts;
+  bool has_views = true;  ///< false: a device that uploads nothing, and tells of a sample of points (device_evidence.h)
+};
+
+/// Those in `opened_ns` that have judged enough of the thing's points (`histories`), by when they were opened.
+std::vector<TellingSession> TellingSessions(std::span<const PointHistory* const> histories,
+                                            const std::map<SessionId, int64_t>& opened_ns, const FindingsMaker& maker,
+                                            const ThingVisitOptions& options);
+
+/// What their points say alone.
+std::vector<ThingVisit> VisitsByPoints(std::span<const TellingSession> telling, const ThingVisitOptions& options);
+
+/// Asks the views of the sessions nearest to the event, before it and from it on, where their rays ended; of the others
+/// and of those without views points tell. By when they were opened.
 ///
 /// Missed is what went on beyond the thing, or, where nothing lies beyond that can be measured, what should have been
-/// measured of the thing and was not; of a device that uploads nothing (device_evidence.h), points. Partial frames
-/// without a raster do not tell of either. Visits whose points say the opposite are left out.
-StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points,
-                                                std::span<const PointHistory* const> histories,
-                                                const std::map<SessionId, int64_t>& opened_ns, int64_t event_ns,
-                                                FindingsMaker& maker, const ThingVisitOptions& options);
+/// measured of the thing and was not. Partial frames without a raster do not tell of either. Visits whose points say
+/// the opposite are left out.
+StatusOr<std::vector<ThingVisit>> VisitsOfThing(const ThingPoints& points, std::span<const TellingSession> telling,
+                                                int64_t event_ns, FindingsMaker& maker,
+                                                const ThingVisitOptions& options);
 
 }  // namespace mapp
