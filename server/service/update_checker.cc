@@ -1,5 +1,6 @@
 #include "server/service/update_checker.h"
 
+#include "mapp/view/point_judge.h"
 #include "mapp/view/sampler.h"
 #include "mapp/view/seen_geometry.h"
 #include "server/service/point_tree.h"
@@ -32,12 +33,11 @@ class Comparison {
     if (seen.points().empty()) return absl::OkStatus();
     ViewCone reach = reported.view.Cone();
     // A point beyond everything that was seen has no own point behind it.
-    reach.range_m = seen.farthest_depth_m() * std::sqrt(1 + MaxSquaredTangent(reported.view.camera));
+    reach.range_m = seen.farthest_depth_m() * GreatestSecant(reported.view.camera);
     MAPP_ASSIGN_OR_RETURN(auto tiles_in_reach, tiles.TilesInBox(reported.view.map, reach.BoundingBox()));
     ViewSearch search(reported.view.Cone(), std::move(tiles_in_reach));
-    Keyframe features = reported.keyframe;
-    features.raster.reset();  // what it holds is too far to be new, or known
-    CountNew(OwnSurfacePoints(features, reported.view.camera), search);
+    // What a raster holds beside them is too far to be new, or known.
+    CountNew(OwnFeaturePoints(reported.keyframe, reported.view.camera), search);
     JudgeMapPoints(reported.view, seen, search);
     return absl::OkStatus();
   }
@@ -63,16 +63,6 @@ class Comparison {
     Eigen::Vector3f p_map;
   };
 
-  static double MaxSquaredTangent(const Camera& camera) {
-    double greatest = 0;
-    for (const double u : {0.0, camera.width_px - 1.0}) {
-      for (const double v : {0.0, camera.height_px - 1.0}) {
-        greatest = std::max(greatest, camera.Unproject({u, v}).head<2>().squaredNorm());
-      }
-    }
-    return greatest;
-  }
-
   void CountNew(const std::vector<Eigen::Vector3f>& own, ViewSearch& search) {
     const std::vector<bool> held = search.AnyWithinScaled(own, options_.sighting.match_radius);
     num_new_ += static_cast<size_t>(std::count(held.begin(), held.end(), false));
@@ -85,8 +75,11 @@ class Comparison {
     const double focal_px = view.camera.MeanFocalPx();
     for (const auto& tile : search.tiles()) {
       tile->ForEachPoint([&](const LoadedPoint& point) {
-        if (point.confidence < options_.min_confidence || !IsSeenAlike(point, center, focal_px, view.num_levels))
+        if (point.confidence < options_.min_confidence) return;
+        if (!IsSeenAsBefore({point.observer_directions.data(), point.num_observers}, point.reference_distance_m,
+                            point.p_map - center, focal_px, view.num_levels)) {
           return;
+        }
         const Eigen::Vector3d p_camera = T_camera_map * point.p_map.cast<double>();
         if (p_camera.z() <= 0 || p_camera.z() > view.range_m || !InImage(view.camera, p_camera)) return;
         Judge(point, seen.At(p_camera.cast<float>()));
@@ -100,20 +93,6 @@ class Comparison {
     } else if (sighting == SurfaceSighting::kMissed) {
       judged_.try_emplace(point.id, Judged{point.p_map, false});
     }
-  }
-
-  /// From a like direction, and from where the detector's pyramid reaches it.
-  static bool IsSeenAlike(const LoadedPoint& point, const Eigen::Vector3f& center, double focal_px, int num_levels) {
-    const Eigen::Vector3f ray = point.p_map - center;
-    const float distance_m = ray.norm();
-    const float farthest_m = ReferenceFor(focal_px, point.reference_distance_m);
-    const float nearest_m = farthest_m / OctaveScale(num_levels - 1);
-    if (distance_m < nearest_m || distance_m > farthest_m * kPyramidScale) return false;
-    const auto least_dot = static_cast<float>(std::cos(kLikeViewAngle)) * distance_m;
-    for (uint32_t i = 0; i < point.num_observers; ++i) {
-      if (point.observer_directions[i].dot(ray) >= least_dot) return true;
-    }
-    return false;
   }
 
   /// By the undistorted model: a distorted one folds far rays back into the image.

@@ -13,19 +13,6 @@
 namespace mapp {
 namespace {
 
-/// From a like direction, and from where the pyramid reaches it.
-bool IsSeenAlike(const SightedPoint& point, const Eigen::Vector3f& ray, float focal_px, float nearest_share) {
-  const float distance_m = ray.norm();
-  const float farthest_m = ReferenceFor(focal_px, point.reference_distance_m);
-  if (distance_m < nearest_share * farthest_m || distance_m > farthest_m * static_cast<float>(kPyramidScale)) {
-    return false;
-  }
-  for (uint32_t i = 0; i < point.num_directions; ++i) {
-    if (point.directions[i].dot(ray) >= kLikeViewCosine * distance_m) return true;
-  }
-  return false;
-}
-
 /// Rings around a camera in which distances differ by a factor of 1.41.
 int8_t RingOf(float distance_m) { return static_cast<int8_t>(std::floor(2 * std::log2(distance_m))); }
 
@@ -37,7 +24,18 @@ uint16_t Sum(uint16_t a, uint16_t b) {
   return static_cast<uint16_t>(std::min<uint32_t>(uint32_t{a} + b, std::numeric_limits<uint16_t>::max()));
 }
 
-/// Ratio of the distance to an image corner to its depth.
+}  // namespace
+
+bool IsSeenAsBefore(std::span<const Eigen::Vector3f> directions, float reference_distance_m, const Eigen::Vector3f& ray,
+                    double focal_px, int num_levels) {
+  const float distance_m = ray.norm();
+  const float farthest_m = ReferenceFor(focal_px, reference_distance_m);
+  const auto nearest_m = static_cast<float>(farthest_m / OctaveScale(num_levels - 1));
+  if (distance_m < nearest_m || distance_m > farthest_m * static_cast<float>(kPyramidScale)) return false;
+  return std::ranges::any_of(
+      directions, [&](const Eigen::Vector3f& direction) { return direction.dot(ray) >= kLikeViewCosine * distance_m; });
+}
+
 double GreatestSecant(const Camera& camera) {
   double greatest = 1;
   for (const double u_px : {0.0, camera.width_px - 1.0}) {
@@ -47,8 +45,6 @@ double GreatestSecant(const Camera& camera) {
   }
   return greatest;
 }
-
-}  // namespace
 
 MeasuredView::MeasuredView(const Keyframe& keyframe, const Pose3& with_T_map_camera, const Camera& with_camera,
                            double with_range_m, double scale)
@@ -75,8 +71,7 @@ void PointJudge::Add(const MeasuredView& view, std::span<const SightedPoints> ti
   const Eigen::Vector3f t_camera_map = T_camera_map.translation().cast<float>();
   const Eigen::Vector3f center_map = view.T_map_camera.translation().cast<float>();
   const PinholeCamera pinhole = view.camera.Undistorted();
-  const auto focal_px = static_cast<float>(view.camera.MeanFocalPx());
-  const auto nearest_share = static_cast<float>(1 / OctaveScale(options_.num_levels - 1));
+  const double focal_px = view.camera.MeanFocalPx();
   const float max_depth_m = std::min(static_cast<float>(view.range_m), view.geometry.farthest_depth_m());
   for (const SightedPoints& tile : tiles) {
     std::vector<Counts>& counts = counts_[tile];
@@ -88,7 +83,10 @@ void PointJudge::Add(const MeasuredView& view, std::span<const SightedPoints> ti
       // By the undistorted model: a distorted one folds far rays back into the image.
       if (!view.camera.Contains(pinhole.Project(p_camera.cast<double>()), options_.image_margin_px)) continue;
       if (!is_asked_(point)) continue;
-      if (!IsSeenAlike(point, point.p_map - center_map, focal_px, nearest_share)) continue;
+      if (!IsSeenAsBefore({point.directions.data(), point.num_directions}, point.reference_distance_m,
+                          point.p_map - center_map, focal_px, options_.num_levels)) {
+        continue;
+      }
       const SurfaceSighting sighting = view.geometry.At(p_camera);
       if (sighting == SurfaceSighting::kUnknown || !counts[i].CountsFrom(RingOf(p_camera.z()))) continue;
       switch (sighting) {

@@ -109,16 +109,23 @@ SurfaceSighting SeenGeometry::At(const Eigen::Vector3f& p_camera) const {
   return num_beyond >= kMinBeyond ? SurfaceSighting::kMissed : SurfaceSighting::kUnknown;
 }
 
-std::vector<Eigen::Vector3f> OwnSurfacePoints(const Keyframe& keyframe, const Camera& camera, double scale) {
+std::vector<Eigen::Vector3f> OwnFeaturePoints(const Keyframe& keyframe, const Camera& camera, double scale) {
   std::vector<Eigen::Vector3f> p_camera;
-  std::unordered_set<uint32_t> own_cells;
   for (const KeyframeFeature& feature : keyframe.features) {
     if (!feature.point) continue;
     const Eigen::Vector2d pixel(feature.keypoint.u_px, feature.keypoint.v_px);
     p_camera.push_back((scale * feature.point->depth_m * camera.Unproject(pixel)).cast<float>());
-    if (keyframe.raster) own_cells.insert(RasterCellOf(camera, pixel));
   }
+  return p_camera;
+}
+
+std::vector<Eigen::Vector3f> OwnSurfacePoints(const Keyframe& keyframe, const Camera& camera, double scale) {
+  std::vector<Eigen::Vector3f> p_camera = OwnFeaturePoints(keyframe, camera, scale);
   if (!keyframe.raster) return p_camera;
+  std::unordered_set<uint32_t> own_cells;
+  for (const KeyframeFeature& feature : keyframe.features) {
+    if (feature.point) own_cells.insert(RasterCellOf(camera, {feature.keypoint.u_px, feature.keypoint.v_px}));
+  }
   for (const auto& [cell, depth_m] : keyframe.raster->samples) {
     if (own_cells.contains(cell)) continue;
     p_camera.push_back((scale * depth_m * camera.Unproject(RasterCellCenter(camera, cell))).cast<float>());

@@ -60,6 +60,16 @@ struct MeasuredView {
   Aabb box_map;  ///< around all that it can tell of
 };
 
+/// Whether a view along `ray` (from the camera to a point, metres) shows the point as one that it was seen from does:
+/// from a like direction, and from where a pyramid of `num_levels` octaves reaches it. `directions`: unit vectors to
+/// the point from where it was seen; `reference_distance_m`: as TilePoint's.
+bool IsSeenAsBefore(std::span<const Eigen::Vector3f> directions, float reference_distance_m, const Eigen::Vector3f& ray,
+                    double focal_px, int num_levels);
+
+/// Ratio of the distance to a corner of the image to its depth: how much further than its farthest depth a view
+/// reaches.
+double GreatestSecant(const Camera& camera);
+
 struct PointJudgeOptions {
   /// Nearest judged neighbours that a missed point is compared with (K of the paper), within which distance, and how
   /// many of them must be missed as well: things vanish whole, points that a detector passes over do so alone.

@@ -63,9 +63,10 @@ class SeenGeometry {
   std::vector<Entry> entries_;
 };
 
-/// The keyframe's features that have a depth, and the squares of its raster that hold none of them, in its camera's
-/// frame; depths and so the points are multiplied by `scale` (of sessions without metres,
-/// SessionRecord::scale_map_session).
+/// The keyframe's features that have a depth, in its camera's frame; depths and so the points are multiplied by `scale`
+/// (of sessions without metres, SessionRecord::scale_map_session).
+std::vector<Eigen::Vector3f> OwnFeaturePoints(const Keyframe& keyframe, const Camera& camera, double scale = 1);
+/// These, and the squares of its raster that hold none of them.
 std::vector<Eigen::Vector3f> OwnSurfacePoints(const Keyframe& keyframe, const Camera& camera, double scale = 1);
 
 }  // namespace mapp
