@@ -168,6 +168,25 @@ TEST(ChangesTest, WhatLeftIsFoundInTheHistory) {
   EXPECT_LE(times.rows[0][6].number, times.rows[0][2].number) << "earlier sessions are not read again";
 }
 
+TEST(ChangesTest, TheNextDeviceLocalizesAsOnAFreshMap) {
+  const TempFolder folder;
+  // A third of a minute on an idle machine.
+  const Finished finished = RunCommand({MappBinary(), "eval", "accepted", "--quick", "--out", folder.path().string()},
+                                       std::chrono::minutes(5));
+  ASSERT_EQ(finished.exit_code, 0) << finished.err;
+  const auto results = ParseResults(ReadAll(folder.path() / "results.json"), "results.json");
+  ASSERT_TRUE(results.ok()) << results.status();
+  const ResultTable& table = results->experiments.front().tables.front();
+  ASSERT_EQ(table.rows.size(), 3U);
+  const std::vector<Cell>&accepted = table.rows[1], &fresh = table.rows[2];
+  ASSERT_EQ(table.columns[3].name, "changes accepted");
+  EXPECT_EQ(accepted[3].number, 1);
+  ASSERT_EQ(table.columns[5].name, "matches a frame");
+  EXPECT_GE(accepted[5].number, 0.95 * fresh[5].number.value_or(1e9));
+  ASSERT_EQ(table.columns[7].name, "update reports");
+  EXPECT_EQ(accepted[7].number, 0);
+}
+
 TEST(AdapterTest, SessionsOfAForeignSystemBecomeOneTrueMap) {
   const auto recorded = DataFolder("euroc_v101/keyframes_stereo");
   if (!recorded) GTEST_SKIP() << "recorded data euroc_v101/keyframes_stereo is not here";
