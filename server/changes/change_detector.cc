@@ -30,26 +30,29 @@ struct ChangingPoints {
 };
 
 StatusOr<ChangingPoints> FindChangingPoints(MapReader& reader, std::span<const SessionFindings> findings) {
-  std::vector<PointHistory> missed = HistoriesOfMissed(findings);
+  std::vector<std::pair<PointHistory, PointCourse>> changing;
   std::vector<MapPointId> ids;
-  for (const PointHistory& history : missed) ids.push_back(history.point);
+  for (PointHistory& history : HistoriesOfMissed(findings)) {
+    std::optional<PointCourse> course = CourseOf(history);
+    if (!course) continue;
+    ids.push_back(history.point);
+    changing.emplace_back(std::move(history), *std::move(course));
+  }
   MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> records, reader.FindPoints(ids));
   std::map<MapPointId, const PointRecord*> live;
   for (const PointRecord& record : records) {
     if (record.in_map) live.emplace(record.id, &record);
   }
-  ChangingPoints changing;
-  for (PointHistory& history : missed) {
+  ChangingPoints points;
+  for (auto& [history, course] : changing) {
     const auto record = live.find(history.point);
     if (record == live.end()) continue;
-    std::optional<PointCourse> course = CourseOf(history);
-    if (!course) continue;
-    changing.courses.push_back(*std::move(course));
-    changing.p_map.push_back(record->second->position.cast<float>());
-    changing.directions.push_back(record->second->view_direction);
-    changing.histories.push_back(std::move(history));
+    points.courses.push_back(std::move(course));
+    points.p_map.push_back(record->second->position.cast<float>());
+    points.directions.push_back(record->second->view_direction);
+    points.histories.push_back(std::move(history));
   }
-  return changing;
+  return points;
 }
 
 /// Devices that say that the thing is gone without views of it; empty when there are views.

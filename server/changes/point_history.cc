@@ -1,8 +1,6 @@
 #include "server/changes/point_history.h"
 
 #include <algorithm>
-#include <map>
-#include <unordered_set>
 #include <utility>
 
 namespace mapp {
@@ -13,39 +11,40 @@ constexpr uint16_t kSureViews = 3;
 /// A point that comes and goes more often is one that views do not agree on.
 constexpr size_t kMaxSwitches = 4;
 
+/// Calls `visit(SessionId, std::span<const PointFinding>)` for every list of findings, each by ascending id.
 template <typename Visit>
-void ForEachFinding(const SessionFindings& findings, const Visit& visit) {
-  for (const PointFinding& finding : findings.own) visit(findings.session, finding);
-  for (const auto& [session, found] : findings.earlier) {
-    for (const PointFinding& finding : found) visit(session, finding);
+void ForEachList(std::span<const SessionFindings> findings, const Visit& visit) {
+  for (const SessionFindings& of_session : findings) {
+    visit(of_session.session, std::span<const PointFinding>(of_session.own));
+    for (const auto& [session, found] : of_session.earlier) visit(session, std::span<const PointFinding>(found));
   }
 }
 
 }  // namespace
 
 std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings) {
-  std::unordered_set<MapPointId> missed;
-  for (const SessionFindings& of_session : findings) {
-    ForEachFinding(of_session, [&](SessionId session, const PointFinding& finding) {
-      if (PointHistory::Visit{session, finding.num_seen, finding.num_missed}.missed()) missed.insert(finding.point);
-    });
-  }
-  std::map<MapPointId, PointHistory> histories;
-  for (const SessionFindings& of_session : findings) {
-    ForEachFinding(of_session, [&](SessionId session, const PointFinding& finding) {
-      if (!missed.contains(finding.point)) return;
-      PointHistory& history = histories[finding.point];
-      history.point = finding.point;
-      history.visits.push_back({session, finding.num_seen, finding.num_missed});
-    });
-  }
-  std::vector<PointHistory> result;
-  for (auto& [id, history] : histories) {
-    std::sort(history.visits.begin(), history.visits.end(),
-              [](const auto& a, const auto& b) { return a.session < b.session; });
-    result.push_back(std::move(history));
-  }
-  return result;
+  std::vector<MapPointId> missed;
+  ForEachList(findings, [&](SessionId session, std::span<const PointFinding> list) {
+    for (const PointFinding& one : list) {
+      if (PointHistory::Visit{session, one.num_seen, one.num_missed}.missed()) missed.push_back(one.point);
+    }
+  });
+  std::ranges::sort(missed);
+  const auto twice = std::ranges::unique(missed);
+  missed.erase(twice.begin(), twice.end());
+  std::vector<PointHistory> histories(missed.size());
+  for (size_t i = 0; i < missed.size(); ++i) histories[i].point = missed[i];
+  // Millions of findings: both are in order.
+  ForEachList(findings, [&](SessionId session, std::span<const PointFinding> list) {
+    auto history = histories.begin();
+    for (const PointFinding& one : list) {
+      while (history != histories.end() && history->point < one.point) ++history;
+      if (history == histories.end()) break;
+      if (history->point == one.point) history->visits.push_back({session, one.num_seen, one.num_missed});
+    }
+  });
+  for (PointHistory& history : histories) std::ranges::stable_sort(history.visits, {}, &PointHistory::Visit::session);
+  return histories;
 }
 
 std::optional<PointCourse> CourseOf(const PointHistory& history) {
