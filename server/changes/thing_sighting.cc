@@ -12,7 +12,9 @@ namespace {
 
 /// Least points of a thing in view for an outline.
 constexpr size_t kMinPoints = 5;
-/// Points of a thing around a ray that tell how deep it is there.
+/// Points of a thing that are asked how deep it is at a ray, evenly chosen from all: each ray looks through them.
+constexpr size_t kMaxDepthPoints = 256;
+/// Of them, those around a ray that tell.
 constexpr size_t kNumAround = 3;
 /// Own points this much deeper than the thing there passed it, as half a logarithm of depth (12 %); so much before it
 /// they hide it.
@@ -92,6 +94,14 @@ ThingSighting SightThing(const WitnessView& view, std::span<const Eigen::Vector3
   if (outline.size() < kMinPoints) return sighting;
   const std::vector<Eigen::Vector2f> hull = HullOf(outline);
   for (size_t i = 2; i < hull.size(); ++i) sighting.outline_area += 0.5 * Cross(hull[0], hull[i - 1], hull[i]);
+  const size_t step = (outline.size() + kMaxDepthPoints - 1) / kMaxDepthPoints;
+  size_t num_depths = 0;
+  for (size_t i = 0; i < outline.size(); i += step, ++num_depths) {
+    outline[num_depths] = outline[i];
+    half_ln_depths[num_depths] = half_ln_depths[i];
+  }
+  outline.resize(num_depths);
+  half_ln_depths.resize(num_depths);
   // One word a square: of what is near there are many features in one, of what is far the raster's measurement alone.
   const auto cell = static_cast<float>(DepthRaster::kCellPx / view.camera.MeanFocalPx());
   std::map<std::pair<int, int>, RayEnd> ends;
