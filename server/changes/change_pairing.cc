@@ -54,7 +54,10 @@ std::vector<ChangeRecord> JoinInside(std::vector<FoundChange> found) {
   for (auto& [change, seen_box] : found) {
     const Eigen::Vector3d& center_map = seen_box.T_frame_box.translation();
     const auto whole = std::ranges::find_if(joined, [&](const ChangeRecord& other) {
-      return other.kind == change.kind && MayBeAtOnce(other, change) && BoxOf(other).Contains(center_map);
+      if (other.kind != change.kind || !MayBeAtOnce(other, change)) return false;
+      OrientedBox place = BoxOf(other);
+      place.size_m.z() *= 3;  // upright: along z
+      return place.Contains(center_map);
     });
     if (whole == joined.end()) {
       joined.push_back(std::move(change));
