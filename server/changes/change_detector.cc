@@ -56,11 +56,11 @@ StatusOr<ChangingPoints> FindChangingPoints(MapReader& reader, std::span<const S
 }
 
 /// Devices that say that the thing is gone without views of it; empty when there are views.
-std::set<std::string> TellersWithoutViews(const Happening& happening, const DeviceNames& devices,
-                                          const FindingsMaker& maker) {
+std::set<std::string> TellersWithoutViews(const Happening& happening, std::span<const TellingSession> telling,
+                                          const DeviceNames& devices) {
   std::set<std::string> tellers;
   for (const SessionId session : happening.missed_by) {
-    if (!maker.FramesOf(session).empty()) return {};
+    if (std::ranges::find(telling, session, &TellingSession::session)->has_views) return {};
     tellers.insert(devices.at(session));
   }
   return tellers;
@@ -69,8 +69,9 @@ std::set<std::string> TellersWithoutViews(const Happening& happening, const Devi
 /// What the thing's visits tell together of the event that its points were grouped by. nullopt: nothing, or too
 /// unsurely, or of something that did not stand still.
 StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const ChangingPoints& changing,
-                                                const OpenedTimes& opened_ns, const DeviceNames& devices,
-                                                FindingsMaker& maker, const DerivationOptions& options) {
+                                                const GroupingOptions& grouping, const OpenedTimes& opened_ns,
+                                                const DeviceNames& devices, FindingsMaker& maker,
+                                                const DerivationOptions& options) {
   const auto event_opened = opened_ns.find(thing.event.session);
   if (event_opened == opened_ns.end()) return std::nullopt;
   ThingPoints points;
@@ -84,7 +85,8 @@ StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const
     part.points.push_back({changing.histories[i].point, changing.p_map[i], changing.directions[i]});
   }
   const ChangeKind kind = thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished;
-  const std::vector<TellingSession> telling = TellingSessions(histories, opened_ns, maker, options.visits);
+  MAPP_ASSIGN_OR_RETURN(const std::vector<TellingSession> telling,
+                        TellingSessions(points, histories, opened_ns, grouping.sampled, maker, options.visits));
   // Views are read only where points tell of something.
   if (!HappeningAt(VisitsByPoints(telling, options.visits), kind, event_opened->second, options.presence)) {
     return std::nullopt;
@@ -93,7 +95,7 @@ StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const
                         VisitsOfThing(points, telling, event_opened->second, maker, options.visits));
   std::optional<Happening> happening = HappeningAt(visits, kind, event_opened->second, options.presence);
   if (!happening || happening->confidence < options.min_confidence) return std::nullopt;
-  const std::set<std::string> without_views = TellersWithoutViews(*happening, devices, maker);
+  const std::set<std::string> without_views = TellersWithoutViews(*happening, telling, devices);
   // One device that is wrong must not retire what others have confirmed.
   if (happening->kind == ChangeKind::kVanished && without_views.size() == 1) return std::nullopt;
   part.is_sampled = !without_views.empty();
@@ -183,12 +185,12 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
   const Eigen::Vector3d up_map = UpDirection(frames);
   GroupingOptions grouping = options.grouping;
   for (const SessionFindings& of_session : findings) {
-    if (maker.FramesOf(of_session.session).empty()) grouping.sampled.insert(of_session.session);
+    if (of_session.has_evidence) grouping.sampled.insert(of_session.session);
   }
   std::vector<ChangedPart> parts;
   for (const ChangedThing& thing : GroupThings(changing.courses, changing.p_map, up_map.cast<float>(), grouping)) {
     MAPP_ASSIGN_OR_RETURN(std::optional<ChangedPart> part,
-                          JudgeThing(thing, changing, opened_ns, devices, maker, options));
+                          JudgeThing(thing, changing, grouping, opened_ns, devices, maker, options));
     if (part) parts.push_back(*std::move(part));
   }
   std::vector<FoundChange> found;

@@ -78,6 +78,7 @@ StatusOr<std::optional<SessionFindings>> FindKept(MapReader& reader, SessionId s
 /// Adds what the session's device has reported to what its views say. Not kept with the findings: reports may follow.
 void AddEvidence(std::span<const PointFinding> evidence, SessionFindings& findings) {
   if (evidence.empty()) return;
+  findings.has_evidence = true;
   findings.own.insert(findings.own.end(), evidence.begin(), evidence.end());
   std::ranges::stable_sort(findings.own, {}, &PointFinding::point);
   findings.own = MergeFindings(findings.own);

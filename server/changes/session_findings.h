@@ -33,6 +33,8 @@ struct SessionFindings {
   std::vector<PointFinding> own;
   /// By views of sessions before it, of points that it brought: whether their places were seen free.
   std::map<SessionId, std::vector<PointFinding>> earlier;
+  /// `own` holds what the session's device has reported as well (device_evidence.h). Not encoded.
+  bool has_evidence = false;
 
   /// Whether it rests on these frames, standing where they did but for what refinement moves.
   bool RestsOn(std::span<const FrameRecord> frames_of_session) const;

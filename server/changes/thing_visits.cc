@@ -94,16 +94,22 @@ Aabb ThingPoints::BoxMap() const {
   return box_map;
 }
 
-std::vector<TellingSession> TellingSessions(std::span<const PointHistory* const> histories,
-                                            const std::map<SessionId, int64_t>& opened_ns, const FindingsMaker& maker,
-                                            const ThingVisitOptions& options) {
+StatusOr<std::vector<TellingSession>> TellingSessions(const ThingPoints& points,
+                                                      std::span<const PointHistory* const> histories,
+                                                      const std::map<SessionId, int64_t>& opened_ns,
+                                                      const std::set<SessionId>& reporting, FindingsMaker& maker,
+                                                      const ThingVisitOptions& options) {
   const double least_judged = options.min_judged_share * static_cast<double>(histories.size());
   std::vector<TellingSession> telling;
   for (const auto& [session, counts] : CountPoints(histories)) {
     const auto opened = opened_ns.find(session);
     if (opened == opened_ns.end()) continue;
     // Devices that tell without views tell of a sample.
-    const bool has_views = !maker.FramesOf(session).empty();
+    bool has_views = true;
+    if (reporting.contains(session)) {
+      MAPP_ASSIGN_OR_RETURN(const auto views, maker.ViewsInto(session, points.BoxMap(), /*max_views=*/1));
+      has_views = !views.empty();
+    }
     const double share = has_views ? 1.0 : 1.0 / kEvidenceOneIn;
     if (counts.num_judged() < std::max(options.min_judged_points, share * least_judged)) continue;
     telling.push_back({session, opened->second, counts, has_views});

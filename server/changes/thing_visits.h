@@ -9,6 +9,7 @@
 
 #include <cstdint>
 #include <map>
+#include <set>
 #include <span>
 #include <vector>
 
@@ -61,13 +62,16 @@ struct TellingSession {
   SessionId session;
   int64_t opened_ns = 0;
   PointCounts counts;
-  bool has_views = true;  ///< false: a device that uploads nothing, and tells of a sample of points (device_evidence.h)
+  bool has_views = true;  ///< false: a device that uploads nothing here, and tells of a sample of points
 };
 
 /// Those in `opened_ns` that have judged enough of the thing's points (`histories`), by when they were opened.
-std::vector<TellingSession> TellingSessions(std::span<const PointHistory* const> histories,
-                                            const std::map<SessionId, int64_t>& opened_ns, const FindingsMaker& maker,
-                                            const ThingVisitOptions& options);
+/// `reporting`: sessions whose devices have reported points (device_evidence.h), with or without views of the thing.
+StatusOr<std::vector<TellingSession>> TellingSessions(const ThingPoints& points,
+                                                      std::span<const PointHistory* const> histories,
+                                                      const std::map<SessionId, int64_t>& opened_ns,
+                                                      const std::set<SessionId>& reporting, FindingsMaker& maker,
+                                                      const ThingVisitOptions& options);
 
 /// What their points say alone.
 std::vector<ThingVisit> VisitsByPoints(std::span<const TellingSession> telling, const ThingVisitOptions& options);
