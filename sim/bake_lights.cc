@@ -1,7 +1,7 @@
 #include "sim/bake_lights.h"
 
 #include "mapp/base/check.h"
-#include "sim/parallel.h"
+#include "mapp/base/parallel.h"
 #include "sim/scene_rays.h"
 
 #include <algorithm>

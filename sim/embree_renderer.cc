@@ -4,7 +4,7 @@
 #include "sim/cell_samples.h"
 #include "sim/embree_scene.h"
 #include "sim/four.h"
-#include "sim/parallel.h"
+#include "mapp/base/parallel.h"
 #include "sim/ray_caster.h"
 #include "sim/ray_table.h"
 #include "sim/renderer.h"

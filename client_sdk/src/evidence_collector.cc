@@ -15,8 +15,8 @@ constexpr int64_t kReportEveryNs = 60'000'000'000;
 constexpr size_t kMaxReports = 32;
 
 SightedPoints ToSightedPoints(const Tile& tile) {
-  auto points = std::make_shared<std::vector<SightedPoint>>();
-  points->reserve(tile.points.size());
+  std::vector<SightedPoint> points;
+  points.reserve(tile.points.size());
   for (const TilePoint& shared : tile.points) {
     SightedPoint point;
     point.p_map = shared.p_map;
@@ -27,9 +27,9 @@ SightedPoints ToSightedPoints(const Tile& tile) {
       const Eigen::Vector3f center_map = tile.frames[observer].T_map_camera.translation().cast<float>();
       point.directions[point.num_directions++] = (point.p_map - center_map).normalized();
     }
-    points->push_back(point);
+    points.push_back(point);
   }
-  return points;
+  return std::make_shared<const SightedTile>(std::move(points));
 }
 
 }  // namespace
@@ -62,7 +62,7 @@ bool EvidenceCollector::Add(const Keyframe& view, uint32_t number) {
   const bool is_due = judge_ && view.stamp_ns - first_stamp_ns_ >= kReportEveryNs;
   if (is_due) Conclude();
   if (!judge_) {
-    judge_.emplace(PointJudgeOptions{}, [](const SightedPoint&) { return true; });
+    judge_.emplace(PointJudgeOptions{});
     first_stamp_ns_ = view.stamp_ns;
   }
   judge_->Add(measured, in_view);

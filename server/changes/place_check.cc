@@ -40,7 +40,7 @@ StatusOr<PlaceCount> PlaceCheck::Count(const OrientedBox& box_map, double margin
   PlaceCount count;
   MAPP_ASSIGN_OR_RETURN(const auto tiles, maker_.PointsIn(box_map.BoundingBox(margin_m)));
   for (const auto& tile : tiles) {
-    for (const SightedPoint& point : *tile) {
+    for (const SightedPoint& point : tile->points()) {
       if (!box_map.Contains(point.p_map.cast<double>(), margin_m)) continue;
       const bool was_seen = seen_by(end_before - num_before, num_before, point.id);
       const bool is_seen = seen_by(begin_after, num_after, point.id);

@@ -1,8 +1,10 @@
 #include "server/changes/session_findings.h"
 
+#include "mapp/base/parallel.h"
 #include "storage/map_store.h"
 
 #include <algorithm>
+#include <iterator>
 #include <memory>
 #include <set>
 #include <utility>
@@ -13,6 +15,20 @@ namespace {
 /// What refinement moves a frame by changes nothing that is judged: a fraction of the match radius at a metre's depth.
 constexpr double kStillM = 0.03;
 constexpr double kStillRad = 0.01;
+
+/// Calls `work(worker, i)` for i < count until one fails; worker w has every `num_workers`-th i, beginning with w.
+template <typename Work>
+Status ShareOut(int num_workers, size_t count, const Work& work) {
+  std::vector<Status> outcomes(static_cast<size_t>(num_workers));
+  ParallelFor(num_workers, num_workers, [&](int worker) {
+    Status& outcome = outcomes[static_cast<size_t>(worker)];
+    for (size_t i = static_cast<size_t>(worker); i < count && outcome.ok(); i += outcomes.size()) {
+      outcome = work(static_cast<size_t>(worker), i);
+    }
+  });
+  for (const Status& outcome : outcomes) MAPP_RETURN_IF_ERROR(outcome);
+  return absl::OkStatus();
+}
 
 }  // namespace
 
@@ -29,8 +45,8 @@ FindingsMaker::FindingsMaker(MapReader& reader, const MapRecord& map, std::span<
                              std::span<const FrameRecord> frames, const FindingsOptions& options)
     : options_(options),
       range_m_(map.cone_range_m),
-      views_(reader, map, options.max_kept_views),
-      tiles_(reader, map, frames, options.max_kept_points) {
+      views_(reader, reading_, map, options.max_kept_views),
+      tiles_(reader, reading_, map, frames, options.max_kept_points) {
   for (const SessionRecord& session : sessions) sessions_[session.id].record = session;
   for (const FrameRecord& frame : frames) sessions_[frame.session].frames.push_back(frame);
 }
@@ -46,54 +62,75 @@ StatusOr<SessionFindings> FindingsMaker::Make(const CallContext& context, Sessio
   if (found == sessions_.end()) return absl::NotFoundError("no such session in the map");
   SessionFindings findings{.session = session, .frames = {}, .own = {}, .earlier = {}};
   for (const FrameRecord& frame : found->second.frames) findings.frames.push_back({frame.id, frame.T_frame_camera});
-  PointJudge judge(options_.judge, [&](const SightedPoint& point) { return point.founder <= session; });
+  PointJudge judge(options_.judge, session);
   MAPP_ASSIGN_OR_RETURN(const NewPoints new_points, Judge(context, found->second, judge));
-  findings.own = judge.Conclude();
+  findings.own = MergeFindings(judge.Conclude(options_.num_threads));
   MAPP_RETURN_IF_ERROR(AskEarlier(context, new_points, findings));
   return findings;
 }
 
 StatusOr<FindingsMaker::NewPoints> FindingsMaker::Judge(const CallContext& context, const Session& session,
                                                         PointJudge& judge) {
-  NewPoints new_points;
-  std::set<const void*> seen_tiles;
-  for (const FrameRecord& frame : session.frames) {
+  struct Worker {
+    PointJudge judge;
+    std::set<PointTiles::Points> tiles;
+  };
+  std::vector<Worker> workers(static_cast<size_t>(options_.num_threads), {judge, {}});
+  const auto judge_by = [&](size_t worker, size_t i) -> Status {
     MAPP_RETURN_IF_ERROR(context.Check());
-    MAPP_ASSIGN_OR_RETURN(const std::shared_ptr<const WitnessView> view, views_.Get(frame, session.record));
+    MAPP_ASSIGN_OR_RETURN(const std::shared_ptr<const WitnessView> view, views_.Get(session.frames[i], session.record));
     MAPP_ASSIGN_OR_RETURN(const std::vector<PointTiles::Points> tiles, tiles_.InBox(view->box_map));
-    judge.Add(*view, tiles);
-    for (const PointTiles::Points& tile : tiles) {
-      if (!seen_tiles.insert(tile.get()).second) continue;
-      auto founded = std::make_shared<std::vector<SightedPoint>>();
-      std::copy_if(tile->begin(), tile->end(), std::back_inserter(*founded),
-                   [&](const SightedPoint& point) { return point.founder == session.record.id; });
-      if (!founded->empty()) new_points.push_back(std::move(founded));
-    }
+    workers[worker].judge.Add(*view, tiles);
+    workers[worker].tiles.insert(tiles.begin(), tiles.end());
+    return absl::OkStatus();
+  };
+  MAPP_RETURN_IF_ERROR(ShareOut(options_.num_threads, session.frames.size(), judge_by));
+  std::set<PointTiles::Points> tiles;
+  for (Worker& worker : workers) {
+    judge.Merge(std::move(worker.judge));
+    tiles.merge(worker.tiles);
+  }
+  NewPoints new_points;
+  for (const PointTiles::Points& tile : tiles) {
+    std::vector<SightedPoint> founded;
+    std::ranges::copy_if(tile->points(), std::back_inserter(founded),
+                         [&](const SightedPoint& point) { return point.founder == session.record.id; });
+    if (!founded.empty()) new_points.push_back(std::make_shared<const SightedTile>(std::move(founded)));
   }
   return new_points;
 }
 
 Status FindingsMaker::AskEarlier(const CallContext& context, const NewPoints& new_points, SessionFindings& findings) {
-  std::map<SessionId, PointJudge> judges;
-  for (const PointTiles::Points& points : new_points) {
+  std::vector<std::map<SessionId, PointJudge>> judges(static_cast<size_t>(options_.num_threads));
+  const auto ask_about = [&](size_t worker, size_t i) -> Status {
     MAPP_RETURN_IF_ERROR(context.Check());
-    Aabb box_map;
-    for (const SightedPoint& point : *points) box_map.extend(point.p_map.cast<double>());
-    size_t num_asked = 0;
-    for (auto earlier = std::make_reverse_iterator(sessions_.find(findings.session)); earlier != sessions_.rend();
-         ++earlier) {
-      if (num_asked == options_.max_earlier_sessions) break;
-      MAPP_ASSIGN_OR_RETURN(const auto views, ViewsInto(earlier->first, box_map, options_.max_earlier_views));
-      if (views.empty()) continue;
-      ++num_asked;
-      PointJudge& judge =
-          judges.try_emplace(earlier->first, options_.judge, [](const SightedPoint&) { return true; }).first->second;
-      for (const auto& view : views) judge.Add(*view, std::span(&points, 1));
-    }
+    return AskEarlierAbout(new_points[i], findings.session, judges[worker]);
+  };
+  MAPP_RETURN_IF_ERROR(ShareOut(options_.num_threads, new_points.size(), ask_about));
+  std::map<SessionId, PointJudge> merged;
+  for (auto& of_worker : judges) {
+    for (auto& [session, judge] : of_worker)
+      merged.try_emplace(session, options_.judge).first->second.Merge(std::move(judge));
   }
-  for (const auto& [session, judge] : judges) {
-    std::vector<PointFinding> found = judge.Conclude();
+  for (const auto& [session, judge] : merged) {
+    std::vector<PointFinding> found = MergeFindings(judge.Conclude(options_.num_threads));
     if (!found.empty()) findings.earlier.emplace(session, std::move(found));
+  }
+  return absl::OkStatus();
+}
+
+Status FindingsMaker::AskEarlierAbout(const PointTiles::Points& points, SessionId session,
+                                      std::map<SessionId, PointJudge>& judges) {
+  Aabb box_map;
+  for (const SightedPoint& point : points->points()) box_map.extend(point.p_map.cast<double>());
+  size_t num_asked = 0;
+  for (auto earlier = std::make_reverse_iterator(sessions_.find(session)); earlier != sessions_.rend(); ++earlier) {
+    if (num_asked == options_.max_earlier_sessions) break;
+    MAPP_ASSIGN_OR_RETURN(const auto views, ViewsInto(earlier->first, box_map, options_.max_earlier_views));
+    if (views.empty()) continue;
+    ++num_asked;
+    PointJudge& judge = judges.try_emplace(earlier->first, options_.judge).first->second;
+    for (const auto& view : views) judge.Add(*view, std::span(&points, 1));
   }
   return absl::OkStatus();
 }

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "mapp/base/call_context.h"
+#include "mapp/base/mutex.h"
 #include "mapp/base/status.h"
 #include "mapp/view/point_judge.h"
 #include "server/changes/point_tiles.h"
@@ -52,10 +53,12 @@ struct FindingsOptions {
   size_t max_earlier_views = 16;
   size_t max_kept_views = 4096;
   size_t max_kept_points = 2'000'000;
+  int num_threads = 2;
 };
 
 /// Makes the findings of one map's sessions, which are best asked for in the order of their ids: a session is compared
-/// with those before it alone, so that what is made stays right when others follow.
+/// with those before it alone, so that what is made stays right when others follow. Views and points may be asked for
+/// from many threads.
 class FindingsMaker {
  public:
   /// Borrows the reader. `sessions`: all of the map. `frames`: those that stand in the map, by id.
@@ -79,12 +82,16 @@ class FindingsMaker {
   };
   using NewPoints = std::vector<PointTiles::Points>;
 
+  /// Judges with the session's own views, and returns what it brought to the tiles that they see.
   StatusOr<NewPoints> Judge(const CallContext& context, const Session& session, PointJudge& judge);
   Status AskEarlier(const CallContext& context, const NewPoints& new_points, SessionFindings& findings);
+  /// The latest of the sessions before `session` that have views of the points.
+  Status AskEarlierAbout(const PointTiles::Points& points, SessionId session, std::map<SessionId, PointJudge>& judges);
 
   const FindingsOptions options_;
   const double range_m_;
   std::map<SessionId, Session> sessions_;
+  Mutex reading_;
   WitnessViews views_;
   PointTiles tiles_;
 };

@@ -1,6 +1,7 @@
 #pragma once
 
 #include "mapp/base/id.h"
+#include "mapp/base/mutex.h"
 #include "mapp/base/status.h"
 #include "mapp/camera/camera_model.h"
 #include "mapp/view/point_judge.h"
@@ -10,6 +11,7 @@
 #include <list>
 #include <map>
 #include <memory>
+#include <string>
 #include <unordered_map>
 #include <utility>
 
@@ -26,23 +28,31 @@ struct WitnessView : MeasuredView {
   int64_t stamp_ns = 0;  ///< by the device's clock
 };
 
-/// What frames of one map measured, read from the keyframe log when asked for; those used last are kept.
+/// What frames of one map measured, read from the keyframe log when asked for; those used last are kept. Thread-safe.
 class WitnessViews {
  public:
-  /// Borrows the reader.
-  WitnessViews(MapReader& reader, const MapRecord& map, size_t max_kept);
+  /// Borrows the reader and the mutex under which it is asked.
+  WitnessViews(MapReader& reader, Mutex& mutex, const MapRecord& map, size_t max_kept);
 
   StatusOr<std::shared_ptr<const WitnessView>> Get(const FrameRecord& frame, const SessionRecord& session);
 
  private:
+  struct Packet {
+    Camera camera;
+    std::string bytes;
+  };
+
+  StatusOr<Packet> Read(const FrameRecord& frame) ABSL_EXCLUSIVE_LOCKS_REQUIRED(mutex_);
+
   using Kept = std::list<std::pair<FrameId, std::shared_ptr<const WitnessView>>>;
 
-  MapReader& reader_;
+  Mutex& mutex_;
+  MapReader& reader_ ABSL_GUARDED_BY(mutex_);
   const double range_m_;
   const size_t max_kept_;
-  std::map<CameraId, Camera> cameras_;
-  Kept kept_;  // used last first
-  std::unordered_map<FrameId, Kept::iterator> index_;
+  std::map<CameraId, Camera> cameras_ ABSL_GUARDED_BY(mutex_);
+  Kept kept_ ABSL_GUARDED_BY(mutex_);  // used last first
+  std::unordered_map<FrameId, Kept::iterator> index_ ABSL_GUARDED_BY(mutex_);
 };
 
 }  // namespace mapp

@@ -1,10 +1,12 @@
 #include "mapp/view/point_judge.h"
 
+#include "mapp/base/parallel.h"
 #include "mapp/feature/feature.h"
 #include "mapp/geometry/neighbor_grid.h"
 #include "mapp/view/view_cone.h"
 
 #include <algorithm>
+#include <array>
 #include <cmath>
 #include <limits>
 #include <numbers>
@@ -16,9 +18,47 @@ namespace {
 /// Rings around a camera in which distances differ by a factor of 1.41.
 int8_t RingOf(float distance_m) { return static_cast<int8_t>(std::floor(2 * std::log2(distance_m))); }
 
-void Count(uint16_t& counter) {
+void CountOne(uint16_t& counter) {
   if (counter < std::numeric_limits<uint16_t>::max()) ++counter;
 }
+
+/// The planes through the camera's centre and the sides of its image.
+class ImageSides {
+ public:
+  ImageSides(const Camera& camera, const PinholeCamera& pinhole) {
+    const auto left = static_cast<float>((-0.5 - pinhole.cx) / pinhole.fx);
+    const auto top = static_cast<float>((-0.5 - pinhole.cy) / pinhole.fy);
+    const auto right = static_cast<float>((camera.width_px - 0.5 - pinhole.cx) / pinhole.fx);
+    const auto bottom = static_cast<float>((camera.height_px - 0.5 - pinhole.cy) / pinhole.fy);
+    inward_ = {Eigen::Vector3f(1, 0, -left).normalized(), Eigen::Vector3f(-1, 0, right).normalized(),
+               Eigen::Vector3f(0, 1, -top).normalized(), Eigen::Vector3f(0, -1, bottom).normalized()};
+  }
+  /// Whether any of a ball may be in the image. False positives at its corners.
+  bool MayHold(const Eigen::Vector3f& center_camera, float radius_m) const {
+    return std::ranges::all_of(inward_,
+                               [&](const Eigen::Vector3f& inward) { return inward.dot(center_camera) >= -radius_m; });
+  }
+
+ private:
+  std::array<Eigen::Vector3f, 4> inward_;  ///< unit normals, camera frame
+};
+
+/// The nearest of many, ties by index.
+class NearestFew {
+ public:
+  explicit NearestFew(size_t max_num) : max_num_(max_num) {}
+  void Offer(float squared_m2, size_t index) {
+    const std::pair one(squared_m2, index);
+    if (found_.size() == max_num_ && (found_.empty() || !(one < found_.back()))) return;
+    if (found_.size() == max_num_) found_.pop_back();
+    found_.insert(std::ranges::upper_bound(found_, one), one);
+  }
+  const std::vector<std::pair<float, size_t>>& found() const { return found_; }
+
+ private:
+  size_t max_num_;
+  std::vector<std::pair<float, size_t>> found_;
+};
 
 uint16_t Sum(uint16_t a, uint16_t b) {
   return static_cast<uint16_t>(std::min<uint32_t>(uint32_t{a} + b, std::numeric_limits<uint16_t>::max()));
@@ -65,6 +105,12 @@ bool PointJudge::Counts::CountsFrom(int8_t view_ring) {
   return true;
 }
 
+void PointJudge::Counts::Merge(const Counts& other) {
+  if (!CountsFrom(other.ring)) return;
+  num_seen = Sum(num_seen, other.num_seen);
+  num_missed = Sum(num_missed, other.num_missed);
+}
+
 void PointJudge::Add(const MeasuredView& view, std::span<const SightedPoints> tiles) {
   const Pose3 T_camera_map = view.T_map_camera.Inverse();
   const Eigen::Matrix3f R_camera_map = T_camera_map.RotationMatrix().cast<float>();
@@ -73,81 +119,97 @@ void PointJudge::Add(const MeasuredView& view, std::span<const SightedPoints> ti
   const PinholeCamera pinhole = view.camera.Undistorted();
   const double focal_px = view.camera.MeanFocalPx();
   const float max_depth_m = std::min(static_cast<float>(view.range_m), view.geometry.farthest_depth_m());
+  const ImageSides sides(view.camera, pinhole);
   for (const SightedPoints& tile : tiles) {
+    const std::span<const SightedPoint> points = tile->points();
     std::vector<Counts>& counts = counts_[tile];
-    counts.resize(tile->size());
-    for (size_t i = 0; i < tile->size(); ++i) {
-      const SightedPoint& point = (*tile)[i];
-      const Eigen::Vector3f p_camera = R_camera_map * point.p_map + t_camera_map;
-      if (p_camera.z() <= 0 || p_camera.z() > max_depth_m) continue;
-      // By the undistorted model: a distorted one folds far rays back into the image.
-      if (!view.camera.Contains(pinhole.Project(p_camera.cast<double>()), options_.image_margin_px)) continue;
-      if (!is_asked_(point)) continue;
-      if (!IsSeenAsBefore({point.directions.data(), point.num_directions}, point.reference_distance_m,
-                          point.p_map - center_map, focal_px, options_.num_levels)) {
-        continue;
-      }
-      const SurfaceSighting sighting = view.geometry.At(p_camera);
-      if (sighting == SurfaceSighting::kUnknown || !counts[i].CountsFrom(RingOf(p_camera.z()))) continue;
-      switch (sighting) {
-        case SurfaceSighting::kSeen:
-          Count(counts[i].num_seen);
-          break;
-        case SurfaceSighting::kMissed:
-        case SurfaceSighting::kEmpty:
-          if (view.complete) Count(counts[i].num_missed);
-          break;
-        case SurfaceSighting::kUnknown:
-          break;
+    counts.resize(points.size());
+    for (const SightedTile::Block& block : tile->blocks()) {
+      const Eigen::Vector3f block_camera = R_camera_map * block.center_map + t_camera_map;
+      if (block_camera.z() + block.radius_m <= 0 || block_camera.z() - block.radius_m > max_depth_m) continue;
+      if (!sides.MayHold(block_camera, block.radius_m)) continue;
+      for (size_t i = block.begin; i < block.end; ++i) {
+        const SightedPoint& point = points[i];
+        if (point.founder > last_founder_) continue;
+        const Eigen::Vector3f p_camera = R_camera_map * point.p_map + t_camera_map;
+        if (p_camera.z() <= 0 || p_camera.z() > max_depth_m) continue;
+        // By the undistorted model: a distorted one folds far rays back into the image.
+        if (!view.camera.Contains(pinhole.Project(p_camera.cast<double>()), options_.image_margin_px)) continue;
+        if (!IsSeenAsBefore({point.directions.data(), point.num_directions}, point.reference_distance_m,
+                            point.p_map - center_map, focal_px, options_.num_levels)) {
+          continue;
+        }
+        Count(view.geometry.At(p_camera), RingOf(p_camera.z()), view.complete, counts[i]);
       }
     }
   }
 }
 
-std::vector<PointFinding> PointJudge::Conclude() const {
+void PointJudge::Count(SurfaceSighting sighting, int8_t ring, bool is_complete, Counts& counts) {
+  if (sighting == SurfaceSighting::kUnknown || !counts.CountsFrom(ring)) return;
+  if (sighting == SurfaceSighting::kSeen) {
+    CountOne(counts.num_seen);
+  } else if (is_complete) {
+    CountOne(counts.num_missed);
+  }
+}
+
+void PointJudge::Merge(PointJudge&& other) {
+  for (auto& [tile, others] : other.counts_) {
+    const auto [entry, is_new] = counts_.try_emplace(tile);
+    if (is_new) {
+      entry->second = std::move(others);
+      continue;
+    }
+    for (size_t i = 0; i < others.size(); ++i) entry->second[i].Merge(others[i]);
+  }
+}
+
+std::vector<PointFinding> PointJudge::Conclude(int num_threads) const {
   struct Judged {
     MapPointId id;
+    Eigen::Vector3f p_map;
     Counts counts;
   };
   std::vector<Judged> judged;
-  std::vector<Eigen::Vector3f> positions;
-  size_t num_missed = 0;
   for (const auto& [tile, counts] : counts_) {
     for (size_t i = 0; i < counts.size(); ++i) {
-      if (!counts[i].judged()) continue;
-      judged.push_back({(*tile)[i].id, counts[i]});
-      positions.push_back((*tile)[i].p_map);
-      num_missed += counts[i].missed() ? 1 : 0;
+      if (counts[i].judged()) judged.push_back({tile->points()[i].id, tile->points()[i].p_map, counts[i]});
     }
   }
-  std::vector<bool> dropped(judged.size(), false);
-  if (num_missed > 0) {
-    const NeighborGrid grid(positions, options_.neighbor_radius_m);
-    std::vector<std::pair<float, size_t>> near;
-    for (size_t i = 0; i < judged.size(); ++i) {
-      if (!judged[i].counts.missed()) continue;
-      near.clear();
-      grid.VisitWithin(positions[i], [&](size_t j, float squared_m2) {
-        if (j != i && judged[j].counts.ring <= judged[i].counts.ring + 1) near.emplace_back(squared_m2, j);
-      });
-      // Ties by id: the order of tiles in memory is chance.
-      const auto is_nearer = [&](const auto& a, const auto& b) {
-        return a.first != b.first ? a.first < b.first : judged[a.second].id < judged[b.second].id;
-      };
-      const size_t num = std::min(options_.num_neighbors, near.size());
-      std::partial_sort(near.begin(), near.begin() + static_cast<std::ptrdiff_t>(num), near.end(), is_nearer);
-      size_t num_missed_near = 0;
-      for (size_t k = 0; k < num; ++k) num_missed_near += judged[near[k].second].counts.missed() ? 1 : 0;
-      dropped[i] = num == 0 ||
-                   static_cast<double>(num_missed_near) < options_.min_missed_neighbor_ratio * static_cast<double>(num);
-    }
+  // The order of tiles in memory is chance.
+  std::ranges::sort(judged, [](const Judged& a, const Judged& b) {
+    return a.id != b.id
+               ? a.id < b.id
+               : std::ranges::lexicographical_compare(std::span(a.p_map.data(), 3), std::span(b.p_map.data(), 3));
+  });
+  std::vector<size_t> missed;
+  std::vector<Eigen::Vector3f> positions;
+  for (size_t i = 0; i < judged.size(); ++i) {
+    positions.push_back(judged[i].p_map);
+    if (judged[i].counts.missed()) missed.push_back(i);
   }
+  std::vector<char> is_dropped(judged.size(), 0);
+  const NeighborGrid grid(positions, options_.neighbor_radius_m);
+  const auto is_alone = [&](size_t i) {
+    NearestFew near(options_.num_neighbors);
+    grid.VisitWithin(positions[i], [&](size_t j, float squared_m2) {
+      if (j != i && judged[j].counts.ring <= judged[i].counts.ring + 1) near.Offer(squared_m2, j);
+    });
+    size_t num_missed_near = 0;
+    for (const auto& [squared_m2, j] : near.found()) num_missed_near += judged[j].counts.missed() ? 1 : 0;
+    const auto num = static_cast<double>(near.found().size());
+    return num == 0 || static_cast<double>(num_missed_near) < options_.min_missed_neighbor_ratio * num;
+  };
+  constexpr size_t kAtATime = 1024;
+  ParallelFor(num_threads, static_cast<int>((missed.size() + kAtATime - 1) / kAtATime), [&](int chunk) {
+    const size_t end = std::min(missed.size(), (static_cast<size_t>(chunk) + 1) * kAtATime);
+    for (size_t k = static_cast<size_t>(chunk) * kAtATime; k < end; ++k) is_dropped[missed[k]] = is_alone(missed[k]);
+  });
   std::vector<PointFinding> findings;
   for (size_t i = 0; i < judged.size(); ++i) {
-    if (!dropped[i]) findings.push_back({judged[i].id, judged[i].counts.num_seen, judged[i].counts.num_missed});
+    if (is_dropped[i] == 0) findings.push_back({judged[i].id, judged[i].counts.num_seen, judged[i].counts.num_missed});
   }
-  std::sort(findings.begin(), findings.end(),
-            [](const PointFinding& a, const PointFinding& b) { return a.point < b.point; });
   return findings;
 }
 

@@ -25,9 +25,9 @@ class NeighborGrid {
         for (int64_t z = center.z - 1; z <= center.z + 1; ++z) {
           const auto cell = cells_.find(KeyOf({x, y, z}));
           if (cell == cells_.end()) continue;
-          for (const uint32_t i : cell->second) {
-            const float squared = (points_[i] - p).squaredNorm();
-            if (squared <= radius_ * radius_) visit(static_cast<size_t>(i), squared);
+          for (uint32_t i = cell->second.begin; i < cell->second.end; ++i) {
+            const float squared = (entries_[i].p - p).squaredNorm();
+            if (squared <= radius_ * radius_) visit(static_cast<size_t>(entries_[i].index), squared);
           }
         }
       }
@@ -37,6 +37,13 @@ class NeighborGrid {
  private:
   struct Cell {
     int64_t x, y, z;
+  };
+  struct Entry {
+    Eigen::Vector3f p;
+    uint32_t index;
+  };
+  struct Range {
+    uint32_t begin = 0, end = 0;
   };
   Cell CellOf(const Eigen::Vector3f& p) const {
     return {static_cast<int64_t>(std::floor(p.x() / radius_)), static_cast<int64_t>(std::floor(p.y() / radius_)),
@@ -50,8 +57,8 @@ class NeighborGrid {
   }
 
   float radius_;
-  std::vector<Eigen::Vector3f> points_;
-  std::unordered_map<uint64_t, std::vector<uint32_t>> cells_;
+  std::vector<Entry> entries_;  ///< those of a cell lie together
+  std::unordered_map<uint64_t, Range> cells_;
 };
 
 }  // namespace mapp

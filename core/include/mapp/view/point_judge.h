@@ -4,16 +4,13 @@
 #include "mapp/camera/camera_model.h"
 #include "mapp/geometry/pose3.h"
 #include "mapp/map/keyframe.h"
-#include "mapp/map/tile.h"
 #include "mapp/view/seen_geometry.h"
+#include "mapp/view/sighted_points.h"
 
 #include <Eigen/Core>
 
-#include <array>
 #include <cstdint>
-#include <functional>
 #include <limits>
-#include <memory>
 #include <span>
 #include <unordered_map>
 #include <utility>
@@ -23,19 +20,6 @@ namespace mapp {
 
 /// Cosine of the greatest angle between two rays to a point that see it alike, 50 degrees (OVERLAP study).
 inline constexpr float kLikeViewCosine = 0.6427876F;
-
-/// A map point as far as it takes to tell from where it can be seen.
-struct SightedPoint {
-  Eigen::Vector3f p_map;
-  float reference_distance_m = 1;  ///< as TilePoint::reference_distance_m
-  MapPointId id;
-  SessionId founder;  ///< 0 where nobody asks: tiles do not tell it
-  uint32_t num_directions = 0;
-  /// Unit vectors from observing camera centres to the point.
-  std::array<Eigen::Vector3f, TilePoint::kMaxObservers> directions;
-};
-/// Of one tile.
-using SightedPoints = std::shared_ptr<const std::vector<SightedPoint>>;
 
 /// What views of one session say of a point together.
 struct PointFinding {
@@ -86,15 +70,18 @@ struct PointJudgeOptions {
 /// over stored keyframes, on a device over frames that it localised on a shared map. Not thread-safe.
 class PointJudge {
  public:
-  /// `is_asked(const SightedPoint&)`: points that are to be judged.
-  PointJudge(const PointJudgeOptions& options, std::function<bool(const SightedPoint&)> is_asked)
-      : options_(options), is_asked_(std::move(is_asked)) {}
+  /// Points that sessions after `last_founder` brought are not judged.
+  explicit PointJudge(const PointJudgeOptions& options,
+                      SessionId last_founder = SessionId(std::numeric_limits<uint64_t>::max()))
+      : options_(options), last_founder_(last_founder) {}
 
   /// `tiles`: those that meet the view's box.
   void Add(const MeasuredView& view, std::span<const SightedPoints> tiles);
+  /// As if the other's views had been added here.
+  void Merge(PointJudge&& other);
   /// Judged points by ascending id. Missed ones whose neighbours were seen are left out. A point that came in two
   /// versions of its tile stands there twice.
-  std::vector<PointFinding> Conclude() const;
+  std::vector<PointFinding> Conclude(int num_threads = 1) const;
 
  private:
   /// Of the session's nearest views of the point: what is told apart grows with the distance.
@@ -103,13 +90,16 @@ class PointJudge {
     int8_t ring = std::numeric_limits<int8_t>::max();
     /// Whether a view from that ring counts. Forgets what was counted from further away.
     bool CountsFrom(int8_t view_ring);
+    void Merge(const Counts& other);
     bool judged() const { return num_seen + num_missed > 0; }
     /// More views than one in five saw it: then it is there, and others looked past it.
     bool missed() const { return num_missed > 4 * num_seen; }
   };
 
+  static void Count(SurfaceSighting sighting, int8_t ring, bool is_complete, Counts& counts);
+
   PointJudgeOptions options_;
-  std::function<bool(const SightedPoint&)> is_asked_;
+  SessionId last_founder_;
   std::unordered_map<SightedPoints, std::vector<Counts>> counts_;
 };
 

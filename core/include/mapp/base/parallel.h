@@ -4,7 +4,7 @@
 #include <thread>
 #include <vector>
 
-namespace mapp::sim {
+namespace mapp {
 
 /// Calls work(0) ... work(count - 1), shared out among `num_threads` threads, of which the caller is one; returns when
 /// all are done. `work` must not throw.
@@ -19,4 +19,4 @@ void ParallelFor(int num_threads, int count, const Work& work) {
   run();
 }
 
-}  // namespace mapp::sim
+}  // namespace mapp
