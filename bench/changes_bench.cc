@@ -22,13 +22,13 @@
 namespace mapp {
 namespace {
 
-double Scan(std::string_view what, MapStore& store, const std::string& map_name, int64_t to_ns) {
+double Scan(std::string_view what, MapStore& store, const std::string& map_name, int64_t to_ns, ThingMemory& memory) {
   ScanOptions options;
   options.derivation.to_ns = to_ns;
   const Stopwatch watch;
-  const ChangeScan scan = ValueOrExit(
-      ScanForChanges(CallContext::WithTimeout(std::chrono::hours(1)), store, map_name, options, /*on_progress=*/{}),
-      "scan");
+  const ChangeScan scan = ValueOrExit(ScanForChanges(CallContext::WithTimeout(std::chrono::hours(1)), store, map_name,
+                                                     options, memory, /*on_progress=*/{}),
+                                      "scan");
   const double seconds = std::chrono::duration<double>(watch.Elapsed()).count();
   fmt::print("{:<24} {:8.2f} s  {} sessions, {} read, {} changes\n", what, seconds, scan.num_sessions,
              scan.num_sessions_read, scan.changes.size());
@@ -57,9 +57,10 @@ void Run(const std::string& database, const std::string& map_name) {
   }
   OkOrExit(store->Write({}, [&](MapWriter& writer) { return writer.DropFindings(map.id); }));
   std::ranges::sort(sessions, {}, &SessionRecord::opened_ns);
-  const double all_s = Scan("all but one session", *store, map_name, sessions.back().opened_ns - 1);
-  const double more_s = Scan("one session more", *store, map_name, std::numeric_limits<int64_t>::max());
-  Scan("nothing new", *store, map_name, std::numeric_limits<int64_t>::max());
+  ThingMemory memory;
+  const double all_s = Scan("all but one session", *store, map_name, sessions.back().opened_ns - 1, memory);
+  const double more_s = Scan("one session more", *store, map_name, std::numeric_limits<int64_t>::max(), memory);
+  Scan("nothing new", *store, map_name, std::numeric_limits<int64_t>::max(), memory);
   fmt::print("one more over all: {:.3f}\n", more_s / all_s);
 }
 

@@ -1,5 +1,6 @@
 #include "server/changes/change_detector.h"
 
+#include "mapp/base/parallel.h"
 #include "server/changes/changed_part.h"
 #include "server/changes/place_check.h"
 #include "server/changes/thing_course.h"
@@ -9,10 +10,12 @@
 #include <algorithm>
 #include <iterator>
 #include <map>
+#include <numeric>
 #include <optional>
 #include <set>
 #include <string>
 #include <tuple>
+#include <unordered_map>
 #include <utility>
 
 namespace mapp {
@@ -23,36 +26,48 @@ using DeviceNames = std::map<SessionId, std::string>;
 
 /// Points of the map that came or went, in matching order.
 struct ChangingPoints {
-  std::vector<PointHistory> histories;
+  std::vector<MapPointId> ids;
   std::vector<PointCourse> courses;
   std::vector<Eigen::Vector3f> p_map;
   std::vector<Eigen::Vector3f> directions;
 };
 
-StatusOr<ChangingPoints> FindChangingPoints(MapReader& reader, std::span<const SessionFindings> findings) {
-  std::vector<std::pair<PointHistory, PointCourse>> changing;
+StatusOr<ChangingPoints> FindChangingPoints(MapReader& reader, std::span<const SessionFindings> findings,
+                                            int num_threads) {
   std::vector<MapPointId> ids;
-  for (PointHistory& history : HistoriesOfMissed(findings)) {
+  std::vector<PointCourse> courses;
+  for (const PointHistory& history : HistoriesOfMissed(findings, num_threads)) {
     std::optional<PointCourse> course = CourseOf(history);
     if (!course) continue;
     ids.push_back(history.point);
-    changing.emplace_back(std::move(history), *std::move(course));
+    courses.push_back(*std::move(course));
   }
   MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> records, reader.FindPoints(ids));
-  std::map<MapPointId, const PointRecord*> live;
+  std::unordered_map<MapPointId, const PointRecord*> live;
   for (const PointRecord& record : records) {
     if (record.in_map) live.emplace(record.id, &record);
   }
   ChangingPoints points;
-  for (auto& [history, course] : changing) {
-    const auto record = live.find(history.point);
+  for (size_t i = 0; i < ids.size(); ++i) {
+    const auto record = live.find(ids[i]);
     if (record == live.end()) continue;
-    points.courses.push_back(std::move(course));
+    points.ids.push_back(ids[i]);
+    points.courses.push_back(std::move(courses[i]));
     points.p_map.push_back(record->second->position.cast<float>());
     points.directions.push_back(record->second->view_direction);
-    points.histories.push_back(std::move(history));
   }
   return points;
+}
+
+/// How many of the thing's points each session saw and missed, of those that are asked about its event.
+std::map<SessionId, PointCounts> CountPoints(const ChangedThing& thing, std::span<const PointCourse> courses) {
+  std::map<SessionId, PointCounts> counts;
+  for (const auto& [point, visit] : thing.points) {
+    for (const PointCourse::Visit& one : courses[point].Around(visit)) {
+      ++(one.was_seen ? counts[one.session].num_seen : counts[one.session].num_missed);
+    }
+  }
+  return counts;
 }
 
 /// Devices that say that the thing is gone without views of it; empty when there are views.
@@ -66,43 +81,89 @@ std::set<std::string> TellersWithoutViews(const Happening& happening, std::span<
   return tellers;
 }
 
-/// What the thing's visits tell together of the event that its points were grouped by. nullopt: nothing, or too
-/// unsurely, or of something that did not stand still.
+/// What all things of one derivation are judged by.
+struct Judging {
+  const OpenedTimes& opened_ns;
+  const DeviceNames& devices;
+  const GroupingOptions& grouping;
+  const DerivationOptions& options;
+  FindingsMaker& maker;
+  ThingMemory& memory;
+};
+
+/// Asks the views of a thing.
+StatusOr<ThingVerdict> AskViews(const ThingPoints& points, ChangeKind kind, int64_t event_ns,
+                                std::span<const TellingSession> telling, const Judging& judging) {
+  const DerivationOptions& options = judging.options;
+  MAPP_ASSIGN_OR_RETURN(const std::vector<ThingVisit> visits,
+                        VisitsOfThing(points, telling, event_ns, judging.maker, options.visits));
+  ThingVerdict verdict;
+  std::optional<Happening> happening = HappeningAt(visits, kind, event_ns, options.presence);
+  if (!happening || happening->confidence < options.min_confidence) return verdict;
+  const std::set<std::string> without_views = TellersWithoutViews(*happening, telling, judging.devices);
+  // One device that is wrong must not retire what others have confirmed.
+  if (happening->kind == ChangeKind::kVanished && without_views.size() == 1) return verdict;
+  MAPP_ASSIGN_OR_RETURN(const bool is_standing, IsStanding(points, happening->seen_by, judging.maker, options.stay));
+  if (!is_standing) return verdict;
+  verdict.is_sampled = !without_views.empty();
+  verdict.happening = std::move(happening);
+  return verdict;
+}
+
+/// What the thing's visits tell together of the event that its points were grouped by, if they do.
 StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const ChangingPoints& changing,
-                                                const GroupingOptions& grouping, const OpenedTimes& opened_ns,
-                                                const DeviceNames& devices, FindingsMaker& maker,
-                                                const DerivationOptions& options) {
-  const auto event_opened = opened_ns.find(thing.event.session);
-  if (event_opened == opened_ns.end()) return std::nullopt;
+                                                const Judging& judging) {
+  const auto event_opened = judging.opened_ns.find(thing.event.session);
+  if (event_opened == judging.opened_ns.end()) return std::nullopt;
   ThingPoints points;
-  std::vector<const PointHistory*> histories;
-  ChangedPart part;
-  part.group = thing.group;
-  for (const size_t i : thing.points) {
-    points.p_map.push_back(changing.p_map[i]);
-    points.directions.push_back(changing.directions[i]);
-    histories.push_back(&changing.histories[i]);
-    part.points.push_back({changing.histories[i].point, changing.p_map[i], changing.directions[i]});
+  std::vector<MapPointId> ids;
+  for (const PointChange& one : thing.points) {
+    ids.push_back(changing.ids[one.point]);
+    points.p_map.push_back(changing.p_map[one.point]);
+    points.directions.push_back(changing.directions[one.point]);
   }
   const ChangeKind kind = thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished;
   MAPP_ASSIGN_OR_RETURN(const std::vector<TellingSession> telling,
-                        TellingSessions(points, histories, opened_ns, grouping.sampled, maker, options.visits));
+                        TellingSessions(points, CountPoints(thing, changing.courses), judging.opened_ns,
+                                        judging.grouping.sampled, judging.maker, judging.options.visits));
   // Views are read only where points tell of something.
-  if (!HappeningAt(VisitsByPoints(telling, options.visits), kind, event_opened->second, options.presence)) {
+  if (!HappeningAt(VisitsByPoints(telling, judging.options.visits), kind, event_opened->second,
+                   judging.options.presence)) {
     return std::nullopt;
   }
-  MAPP_ASSIGN_OR_RETURN(const std::vector<ThingVisit> visits,
-                        VisitsOfThing(points, telling, event_opened->second, maker, options.visits));
-  std::optional<Happening> happening = HappeningAt(visits, kind, event_opened->second, options.presence);
-  if (!happening || happening->confidence < options.min_confidence) return std::nullopt;
-  const std::set<std::string> without_views = TellersWithoutViews(*happening, telling, devices);
-  // One device that is wrong must not retire what others have confirmed.
-  if (happening->kind == ChangeKind::kVanished && without_views.size() == 1) return std::nullopt;
-  part.is_sampled = !without_views.empty();
-  MAPP_ASSIGN_OR_RETURN(const bool is_standing, IsStanding(points, happening->seen_by, maker, options.stay));
-  if (!is_standing) return std::nullopt;
-  part.happening = *std::move(happening);
+  const ThingQuestion question{thing.event, ids, points.p_map, telling};
+  std::optional<ThingVerdict> verdict = judging.memory.Find(question);
+  if (!verdict) {
+    MAPP_ASSIGN_OR_RETURN(verdict, AskViews(points, kind, event_opened->second, telling, judging));
+    judging.memory.Keep(question, *verdict);
+  }
+  if (!verdict->happening) return std::nullopt;
+  ChangedPart part{*std::move(verdict->happening), thing.group, verdict->is_sampled, {}};
+  for (size_t i = 0; i < ids.size(); ++i) part.points.push_back({ids[i], points.p_map[i], points.directions[i]});
   return part;
+}
+
+/// Judges all things. Those of one time ask the same views, and so come after each other.
+StatusOr<std::vector<ChangedPart>> JudgeThings(const CallContext& context, std::span<const ChangedThing> things,
+                                               const ChangingPoints& changing, const Judging& judging) {
+  std::vector<size_t> by_time(things.size());
+  std::iota(by_time.begin(), by_time.end(), size_t{0});
+  std::ranges::stable_sort(by_time, {}, [&](size_t i) { return things[i].event; });
+  std::vector<StatusOr<std::optional<ChangedPart>>> judged(things.size());
+  ParallelFor(judging.options.num_threads, static_cast<int>(things.size()), [&](int n) {
+    const size_t i = by_time[static_cast<size_t>(n)];
+    if (Status status = context.Check(); !status.ok()) {
+      judged[i] = std::move(status);
+    } else {
+      judged[i] = JudgeThing(things[i], changing, judging);
+    }
+  });
+  std::vector<ChangedPart> parts;
+  for (StatusOr<std::optional<ChangedPart>>& part : judged) {
+    MAPP_RETURN_IF_ERROR(part.status());
+    if (*part) parts.push_back(**std::move(part));
+  }
+  return parts;
 }
 
 /// Of the boxes that the whole thing may fill, the one with the fewest points that stayed for those that changed with
@@ -169,10 +230,11 @@ StatusOr<std::optional<FoundChange>> Finish(const ChangedPart& part, const Eigen
 
 }  // namespace
 
-StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, std::span<const SessionRecord> sessions,
+StatusOr<std::vector<ChangeRecord>> DeriveChanges(const CallContext& context, MapReader& reader, MapId map,
+                                                  std::span<const SessionRecord> sessions,
                                                   std::span<const FrameRecord> frames,
                                                   std::span<const SessionFindings> findings, FindingsMaker& maker,
-                                                  const DerivationOptions& options) {
+                                                  const DerivationOptions& options, ThingMemory& memory) {
   OpenedTimes opened_ns;
   DeviceNames devices;
   for (const SessionRecord& session : sessions) {
@@ -181,18 +243,19 @@ StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, 
       opened_ns.emplace(session.id, session.opened_ns);
     }
   }
-  MAPP_ASSIGN_OR_RETURN(const ChangingPoints changing, FindChangingPoints(reader, findings));
+  MAPP_ASSIGN_OR_RETURN(const ChangingPoints changing, FindChangingPoints(reader, findings, options.num_threads));
   const Eigen::Vector3d up_map = UpDirection(frames);
   GroupingOptions grouping = options.grouping;
+  grouping.num_threads = options.num_threads;
   for (const SessionFindings& of_session : findings) {
     if (of_session.has_evidence) grouping.sampled.insert(of_session.session);
   }
-  std::vector<ChangedPart> parts;
-  for (const ChangedThing& thing : GroupThings(changing.courses, changing.p_map, up_map.cast<float>(), grouping)) {
-    MAPP_ASSIGN_OR_RETURN(std::optional<ChangedPart> part,
-                          JudgeThing(thing, changing, grouping, opened_ns, devices, maker, options));
-    if (part) parts.push_back(*std::move(part));
-  }
+  const std::vector<ChangedThing> things =
+      GroupThings(changing.courses, changing.p_map, up_map.cast<float>(), grouping);
+  memory.Begin(findings);
+  MAPP_ASSIGN_OR_RETURN(std::vector<ChangedPart> parts,
+                        JudgeThings(context, things, changing, {opened_ns, devices, grouping, options, maker, memory}));
+  memory.End();
   std::vector<FoundChange> found;
   const PlaceCheck places(maker, findings, opened_ns);
   for (const ChangedPart& part : JoinParts(std::move(parts), options.max_part_gap_m)) {

@@ -1,9 +1,11 @@
 #pragma once
 
+#include "mapp/base/call_context.h"
 #include "server/changes/change_pairing.h"
 #include "server/changes/presence.h"
 #include "server/changes/session_findings.h"
 #include "server/changes/thing_groups.h"
+#include "server/changes/thing_memory.h"
 #include "server/changes/thing_stay.h"
 #include "server/changes/thing_visits.h"
 #include "storage/records.h"
@@ -40,14 +42,16 @@ struct DerivationOptions {
   /// Sessions opened in [from, to] tell, Unix time.
   int64_t from_ns = std::numeric_limits<int64_t>::min();
   int64_t to_ns = std::numeric_limits<int64_t>::max();
+  int num_threads = 2;
 };
 
 /// The changes that findings tell of, by the time by which they had happened; ids, status and revision are
-/// left to the caller. The same findings give the same changes. `sessions`: all of the map; `frames`: those that stand
-/// in it.
-StatusOr<std::vector<ChangeRecord>> DeriveChanges(MapReader& reader, MapId map, std::span<const SessionRecord> sessions,
+/// left to the caller. The same findings give the same changes, with what `memory` keeps of an earlier derivation (by
+/// the same options) and without. `sessions`: all of the map; `frames`: those that stand in it.
+StatusOr<std::vector<ChangeRecord>> DeriveChanges(const CallContext& context, MapReader& reader, MapId map,
+                                                  std::span<const SessionRecord> sessions,
                                                   std::span<const FrameRecord> frames,
                                                   std::span<const SessionFindings> findings, FindingsMaker& maker,
-                                                  const DerivationOptions& options);
+                                                  const DerivationOptions& options, ThingMemory& memory);
 
 }  // namespace mapp

@@ -87,7 +87,7 @@ void AddEvidence(std::span<const PointFinding> evidence, SessionFindings& findin
 }  // namespace
 
 StatusOr<ChangeScan> ScanForChanges(const CallContext& context, MapStore& store, const std::string& map_name,
-                                    const ScanOptions& options,
+                                    const ScanOptions& options, ThingMemory& memory,
                                     const std::function<void(const ScanProgress&)>& on_progress) {
   MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
   ChangeScan scan;
@@ -133,8 +133,8 @@ StatusOr<ChangeScan> ScanForChanges(const CallContext& context, MapStore& store,
     if (on_progress) on_progress({.num_sessions_done = findings.size(), .num_sessions = telling.size()});
   }
   MAPP_RETURN_IF_ERROR(keeper.Flush());
-  MAPP_ASSIGN_OR_RETURN(scan.changes,
-                        DeriveChanges(*reader, scan.map.id, sessions, frames, findings, maker, options.derivation));
+  MAPP_ASSIGN_OR_RETURN(scan.changes, DeriveChanges(context, *reader, scan.map.id, sessions, frames, findings, maker,
+                                                    options.derivation, memory));
   for (ChangeRecord& change : scan.changes) change.detected = scan.map.revision;
   return scan;
 }

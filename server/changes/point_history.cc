@@ -1,5 +1,7 @@
 #include "server/changes/point_history.h"
 
+#include "mapp/base/parallel.h"
+
 #include <algorithm>
 #include <utility>
 
@@ -8,7 +10,9 @@ namespace {
 
 /// So many views that see a place taken are no chance, even of one visit between others that saw it free.
 constexpr uint16_t kSureViews = 3;
-/// A point that comes and goes more often is one that views do not agree on.
+/// Visits asked about a change on either side of it, and how often a point may come and go in them: of what does so
+/// more often views do not agree.
+constexpr size_t kVisitsASide = 12;
 constexpr size_t kMaxSwitches = 4;
 
 /// Calls `visit(SessionId, std::span<const PointFinding>)` for every list of findings, each by ascending id.
@@ -20,9 +24,8 @@ void ForEachList(std::span<const SessionFindings> findings, const Visit& visit) 
   }
 }
 
-}  // namespace
-
-std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings) {
+/// Ids of the points that any session has missed, ascending.
+std::vector<MapPointId> MissedPoints(std::span<const SessionFindings> findings) {
   std::vector<MapPointId> missed;
   ForEachList(findings, [&](SessionId session, std::span<const PointFinding> list) {
     for (const PointFinding& one : list) {
@@ -32,19 +35,50 @@ std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> fin
   std::ranges::sort(missed);
   const auto twice = std::ranges::unique(missed);
   missed.erase(twice.begin(), twice.end());
-  std::vector<PointHistory> histories(missed.size());
-  for (size_t i = 0; i < missed.size(); ++i) histories[i].point = missed[i];
+  return missed;
+}
+
+/// Puts what is said of them into histories, which are by point.
+void FillHistories(std::span<const SessionFindings> findings, std::span<PointHistory> histories) {
+  if (histories.empty()) return;
   // Millions of findings: both are in order.
   ForEachList(findings, [&](SessionId session, std::span<const PointFinding> list) {
     auto history = histories.begin();
-    for (const PointFinding& one : list) {
-      while (history != histories.end() && history->point < one.point) ++history;
+    for (auto one = std::ranges::lower_bound(list, history->point, {}, &PointFinding::point); one != list.end();
+         ++one) {
+      while (history != histories.end() && history->point < one->point) ++history;
       if (history == histories.end()) break;
-      if (history->point == one.point) history->visits.push_back({session, one.num_seen, one.num_missed});
+      if (history->point == one->point) history->visits.push_back({session, one->num_seen, one->num_missed});
     }
   });
   for (PointHistory& history : histories) std::ranges::stable_sort(history.visits, {}, &PointHistory::Visit::session);
+}
+
+}  // namespace
+
+std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings, int num_threads) {
+  const std::vector<MapPointId> missed = MissedPoints(findings);
+  std::vector<PointHistory> histories(missed.size());
+  for (size_t i = 0; i < missed.size(); ++i) histories[i].point = missed[i];
+  const size_t share = missed.size() / static_cast<size_t>(num_threads) + 1;
+  ParallelFor(num_threads, num_threads, [&](int part) {
+    const size_t begin = std::min(missed.size(), static_cast<size_t>(part) * share);
+    FillHistories(findings, std::span(histories).subspan(begin, std::min(share, missed.size() - begin)));
+  });
   return histories;
+}
+
+std::span<const PointCourse::Visit> PointCourse::Around(size_t visit) const {
+  const size_t begin = visit + 1 - std::min(visit + 1, kVisitsASide);
+  const size_t end = std::min(visits.size(), visit + 1 + kVisitsASide);
+  const std::span<const Visit> around = std::span(visits).subspan(begin, end - begin);
+  size_t num_switches = 0, num_there = 0;
+  for (size_t i = 0; i < around.size(); ++i) {
+    num_there += around[i].is_there ? 1 : 0;
+    num_switches += i > 0 && around[i].is_there != around[i - 1].is_there ? 1 : 0;
+  }
+  const bool passed = num_there == 1 && !around.front().is_there && !around.back().is_there;
+  return passed || num_switches > kMaxSwitches ? std::span<const Visit>() : around;
 }
 
 std::optional<PointCourse> CourseOf(const PointHistory& history) {
@@ -57,16 +91,12 @@ std::optional<PointCourse> CourseOf(const PointHistory& history) {
     const PointHistory::Visit& visit = *decided[i];
     const bool is_alone = i > 0 && i + 1 < decided.size() && decided[i - 1]->missed() && decided[i + 1]->missed();
     const bool is_there = visit.seen() && !(is_alone && visit.num_seen < kSureViews);
-    course.visits.push_back({visit.session, is_there});
+    course.visits.push_back({visit.session, is_there, visit.seen()});
   }
-  size_t num_switches = 0, num_there = 0;
-  for (size_t i = 0; i < course.visits.size(); ++i) {
-    num_there += course.visits[i].is_there ? 1 : 0;
-    if (i > 0 && course.visits[i].is_there != course.visits[i - 1].is_there) ++num_switches;
+  for (size_t i = 0; i + 1 < course.visits.size(); ++i) {
+    if (course.ChangesAfter(i) && !course.Around(i).empty()) return course;
   }
-  if (num_switches == 0 || num_switches > kMaxSwitches) return std::nullopt;
-  const bool passed = num_there == 1 && !course.visits.front().is_there && !course.visits.back().is_there;
-  return passed ? std::nullopt : std::optional(std::move(course));
+  return std::nullopt;
 }
 
 }  // namespace mapp

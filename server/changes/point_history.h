@@ -25,21 +25,27 @@ struct PointHistory {
 };
 
 /// Of the points that any session has missed, by id: all that sessions tell of the others is that they are there.
-std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings);
+std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings, int num_threads = 1);
 
 /// Whether a point was there at each visit that could tell, by session.
 struct PointCourse {
   struct Visit {
     SessionId session;
     bool is_there = false;
+    bool was_seen = false;  ///< as the visit itself says
   };
   std::vector<Visit> visits;
+
+  bool ChangesAfter(size_t visit) const { return visits[visit].is_there != visits[visit + 1].is_there; }
+  /// The visits that are asked about the change after a visit: some before and after it, so that what is said of a time
+  /// stays said when the world goes on. Empty where they tell of no thing that stays: one visit alone saw the point and
+  /// others before and after did not (somebody passed, or something stood there for a moment), or they do not agree.
+  std::span<const Visit> Around(size_t visit) const;
 };
 
 /// The history without chance: a visit that sees a surface where those before and after it saw none counts only when
-/// several of its views say so, for at flat angles what lies near is taken for the place itself. nullopt where it tells
-/// of no thing that stays: the point was always there or never, one visit alone saw it and others before and after did
-/// not (somebody passed, or something stood there for a moment), or visits do not agree.
+/// several of its views say so, for at flat angles what lies near is taken for the place itself. nullopt where no
+/// change tells of anything.
 std::optional<PointCourse> CourseOf(const PointHistory& history);
 
 }  // namespace mapp

@@ -12,10 +12,6 @@
 namespace mapp {
 namespace {
 
-/// What refinement moves a frame by changes nothing that is judged: a fraction of the match radius at a metre's depth.
-constexpr double kStillM = 0.03;
-constexpr double kStillRad = 0.01;
-
 /// Calls `work(worker, i)` for i < count until one fails; worker w has every `num_workers`-th i, beginning with w.
 template <typename Work>
 Status ShareOut(int num_workers, size_t count, const Work& work) {

@@ -20,6 +20,11 @@
 
 namespace mapp {
 
+/// What refinement moves a frame or a point by changes nothing that is judged: a fraction of the match radius at a
+/// metre's depth.
+inline constexpr double kStillM = 0.03;
+inline constexpr double kStillRad = 0.01;
+
 /// Where a frame stood when it was used as a witness.
 struct WitnessFrame {
   FrameId frame;

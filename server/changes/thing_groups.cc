@@ -1,5 +1,6 @@
 #include "server/changes/thing_groups.h"
 
+#include "mapp/base/parallel.h"
 #include "mapp/geometry/neighbor_grid.h"
 
 #include <algorithm>
@@ -43,12 +44,6 @@ class Forest {
   std::vector<size_t> parents_;
 };
 
-/// One change of a point's course: from visit `change` to the next.
-struct PointChange {
-  size_t point = 0;
-  size_t change = 0;
-};
-
 /// For each event, the points that may have come or gone by it.
 std::map<GroupEvent, std::vector<PointChange>> PointsOfEvents(std::span<const PointCourse> courses) {
   std::set<SessionId> sessions;
@@ -59,7 +54,7 @@ std::map<GroupEvent, std::vector<PointChange>> PointsOfEvents(std::span<const Po
   for (size_t i = 0; i < courses.size(); ++i) {
     const std::vector<PointCourse::Visit>& visits = courses[i].visits;
     for (size_t k = 0; k + 1 < visits.size(); ++k) {
-      if (visits[k].is_there == visits[k + 1].is_there) continue;
+      if (!courses[i].ChangesAfter(k) || courses[i].Around(k).empty()) continue;
       const auto end = sessions.upper_bound(visits[k + 1].session);
       for (auto session = sessions.upper_bound(visits[k].session); session != end; ++session) {
         events[{*session, visits[k + 1].is_there}].push_back({i, k});
@@ -74,13 +69,17 @@ std::vector<std::vector<PointChange>> Linked(std::span<const PointCourse> course
                                              std::span<const Eigen::Vector3f> p_map,
                                              const std::vector<PointChange>& points, float gap_m, size_t min_points) {
   std::vector<Eigen::Vector3f> positions;
-  for (const PointChange& one : points) positions.push_back(p_map[one.point]);
+  std::vector<std::span<const PointCourse::Visit>> around;
+  for (const PointChange& one : points) {
+    positions.push_back(p_map[one.point]);
+    around.push_back(courses[one.point].Around(one.visit));
+  }
   const NeighborGrid grid(positions, gap_m);
   Forest forest(points.size());
   for (size_t i = 0; i < points.size(); ++i) {
     grid.VisitWithin(positions[i], [&](size_t k, float) {
       if (k <= i || forest.RootOf(i) == forest.RootOf(k)) return;
-      if (TellTheSame(courses[points[i].point], courses[points[k].point])) forest.Join(i, k);
+      if (TellTheSame(around[i], around[k])) forest.Join(i, k);
     });
   }
   std::map<size_t, std::vector<PointChange>> by_root;
@@ -94,10 +93,10 @@ std::vector<std::vector<PointChange>> Linked(std::span<const PointCourse> course
 
 }  // namespace
 
-bool TellTheSame(const PointCourse& a, const PointCourse& b) {
+bool TellTheSame(std::span<const PointCourse::Visit> a, std::span<const PointCourse::Visit> b) {
   size_t num_against = 0, num_there = 0, num_gone = 0;
-  auto left = a.visits.begin(), right = b.visits.begin();
-  while (left != a.visits.end() && right != b.visits.end()) {
+  auto left = a.begin(), right = b.begin();
+  while (left != a.end() && right != b.end()) {
     if (left->session != right->session) {
       ++(left->session < right->session ? left : right);
       continue;
@@ -169,12 +168,17 @@ std::vector<ChangedThing> GroupThings(std::span<const PointCourse> courses, std:
     GroupEvent event;
     std::vector<PointChange> points;
   };
-  std::vector<Candidate> candidates;
-  for (const auto& [event, points] : PointsOfEvents(courses)) {
+  const std::map<GroupEvent, std::vector<PointChange>> by_event = PointsOfEvents(courses);
+  const std::vector<std::pair<GroupEvent, std::vector<PointChange>>> events(by_event.begin(), by_event.end());
+  std::vector<std::vector<std::vector<PointChange>>> linked(events.size());
+  ParallelFor(options.num_threads, static_cast<int>(events.size()), [&](int i) {
+    const auto& [event, points] = events[static_cast<size_t>(i)];
     const float gap_m = options.sampled.contains(event.session) ? options.sampled_gap_m : options.gap_m;
-    for (std::vector<PointChange>& linked : Linked(courses, p_map, points, gap_m, options.min_points)) {
-      candidates.push_back({event, std::move(linked)});
-    }
+    linked[static_cast<size_t>(i)] = Linked(courses, p_map, points, gap_m, options.min_points);
+  });
+  std::vector<Candidate> candidates;
+  for (size_t i = 0; i < events.size(); ++i) {
+    for (std::vector<PointChange>& points : linked[i]) candidates.push_back({events[i].first, std::move(points)});
   }
   // Where it cannot be told between which visits something happened, most of its points say when.
   std::ranges::stable_sort(candidates, std::greater(), [](const Candidate& one) { return one.points.size(); });
@@ -182,17 +186,17 @@ std::vector<ChangedThing> GroupThings(std::span<const PointCourse> courses, std:
   std::set<std::pair<size_t, size_t>> taken;
   for (size_t group = 0; group < candidates.size(); ++group) {
     const auto& [event, points] = candidates[group];
-    const auto is_taken = [&](const PointChange& one) { return taken.contains({one.point, one.change}); };
+    const auto is_taken = [&](const PointChange& one) { return taken.contains({one.point, one.visit}); };
     if (2 * static_cast<size_t>(std::ranges::count_if(points, is_taken)) > points.size()) continue;
     std::vector<Eigen::Vector3f> positions;
     for (const PointChange& one : points) {
-      taken.emplace(one.point, one.change);
+      taken.emplace(one.point, one.visit);
       positions.push_back(p_map[one.point]);
     }
     for (const std::vector<size_t>& part : SplitAtNecks(positions, up_map)) {
       if (part.size() < options.min_points) continue;
       ChangedThing& one = things.emplace_back(ChangedThing{event, {}, group});
-      for (const size_t k : part) one.points.push_back(points[k].point);
+      for (const size_t k : part) one.points.push_back(points[k]);
     }
   }
   return things;

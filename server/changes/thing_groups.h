@@ -11,8 +11,9 @@
 
 namespace mapp {
 
-/// Whether two points may be of one thing: some session found both gone, and hardly any found only one of them there.
-bool TellTheSame(const PointCourse& a, const PointCourse& b);
+/// Whether two points may be of one thing, by their visits around a time: some session found both gone, and hardly any
+/// found only one of them there.
+bool TellTheSame(std::span<const PointCourse::Visit> a, std::span<const PointCourse::Visit> b);
 
 /// Something came (or went) before this session, and after the one before it.
 struct GroupEvent {
@@ -21,10 +22,16 @@ struct GroupEvent {
   friend auto operator<=>(const GroupEvent&, const GroupEvent&) = default;
 };
 
+/// One change of a point: from one visit of its course to the next.
+struct PointChange {
+  size_t point = 0;  ///< index of its course
+  size_t visit = 0;
+};
+
 /// A thing that came or went: points near to each other that did so at one time.
 struct ChangedThing {
   GroupEvent event;
-  std::vector<size_t> points;  ///< indices of courses, ascending
+  std::vector<PointChange> points;  ///< by point
   /// Things of one number hung together until they were split at necks.
   size_t group = 0;
 };
@@ -36,6 +43,7 @@ struct GroupingOptions {
   float sampled_gap_m = 1.0F;
   std::set<SessionId> sampled = {};
   size_t min_points = 8;  ///< fewer are noise
+  int num_threads = 1;
 };
 
 /// Parts that a thing falls into, seen from above, when what is sparse between them is left out: things that stand side

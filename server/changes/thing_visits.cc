@@ -28,18 +28,6 @@ struct Looked {
   }
 };
 
-/// How many of the thing's points each session saw and missed.
-std::map<SessionId, PointCounts> CountPoints(std::span<const PointHistory* const> histories) {
-  std::map<SessionId, PointCounts> counts;
-  for (const PointHistory* history : histories) {
-    for (const PointHistory::Visit& visit : history->visits) {
-      counts[visit.session].num_seen += visit.seen() ? 1 : 0;
-      counts[visit.session].num_missed += visit.missed() ? 1 : 0;
-    }
-  }
-  return counts;
-}
-
 /// What a visit's points say without its rays.
 ThingVisit VisitByPoints(const TellingSession& one, const ThingVisitOptions& options) {
   // Where points are a sample, each stands for many.
@@ -95,13 +83,13 @@ Aabb ThingPoints::BoxMap() const {
 }
 
 StatusOr<std::vector<TellingSession>> TellingSessions(const ThingPoints& points,
-                                                      std::span<const PointHistory* const> histories,
+                                                      const std::map<SessionId, PointCounts>& counts,
                                                       const std::map<SessionId, int64_t>& opened_ns,
                                                       const std::set<SessionId>& reporting, FindingsMaker& maker,
                                                       const ThingVisitOptions& options) {
-  const double least_judged = options.min_judged_share * static_cast<double>(histories.size());
+  const double least_judged = options.min_judged_share * static_cast<double>(points.p_map.size());
   std::vector<TellingSession> telling;
-  for (const auto& [session, counts] : CountPoints(histories)) {
+  for (const auto& [session, of_session] : counts) {
     const auto opened = opened_ns.find(session);
     if (opened == opened_ns.end()) continue;
     // Devices that tell without views tell of a sample.
@@ -111,8 +99,8 @@ StatusOr<std::vector<TellingSession>> TellingSessions(const ThingPoints& points,
       has_views = !views.empty();
     }
     const double share = has_views ? 1.0 : 1.0 / kEvidenceOneIn;
-    if (counts.num_judged() < std::max(options.min_judged_points, share * least_judged)) continue;
-    telling.push_back({session, opened->second, counts, has_views});
+    if (of_session.num_judged() < std::max(options.min_judged_points, share * least_judged)) continue;
+    telling.push_back({session, opened->second, of_session, has_views});
   }
   std::ranges::stable_sort(telling, {}, &TellingSession::opened_ns);
   return telling;

@@ -1,6 +1,5 @@
 #pragma once
 
-#include "server/changes/point_history.h"
 #include "server/changes/presence.h"
 #include "server/changes/session_findings.h"
 #include "server/changes/thing_sighting.h"
@@ -65,10 +64,11 @@ struct TellingSession {
   bool has_views = true;  ///< false: a device that uploads nothing here, and tells of a sample of points
 };
 
-/// Those in `opened_ns` that have judged enough of the thing's points (`histories`), by when they were opened.
-/// `reporting`: sessions whose devices have reported points (device_evidence.h), with or without views of the thing.
+/// Of the sessions that judged some of the thing's points (`counts`) those in `opened_ns` that judged enough, by when
+/// they were opened. `reporting`: sessions whose devices have reported points (device_evidence.h), with or without
+/// views of the thing.
 StatusOr<std::vector<TellingSession>> TellingSessions(const ThingPoints& points,
-                                                      std::span<const PointHistory* const> histories,
+                                                      const std::map<SessionId, PointCounts>& counts,
                                                       const std::map<SessionId, int64_t>& opened_ns,
                                                       const std::set<SessionId>& reporting, FindingsMaker& maker,
                                                       const ThingVisitOptions& options);

@@ -66,6 +66,16 @@ void MapService::Impl::Announce(MapId map, const ChangeDecision& decision) {
   events.PublishToMap(map, TilesChanged{.keys = keys, .revision = decision.revision});
 }
 
+StatusOr<ThingMemory*> MapService::Impl::MemoryOf(const std::string& map_name) {
+  MAPP_ASSIGN_OR_RETURN(const std::unique_ptr<MapReader> reader, store.Read());
+  MAPP_ASSIGN_OR_RETURN(const MapRecord map, reader->FindMap(map_name));
+  MAPP_ASSIGN_OR_RETURN(const std::vector<MapRecord> maps, reader->ListMaps());
+  std::erase_if(thing_memory, [&](const auto& of_map) {
+    return std::ranges::find(maps, of_map.first, &MapRecord::id) == maps.end();
+  });
+  return &thing_memory[map.id];
+}
+
 StatusOr<DetectedChanges> MapService::DetectChanges(const CallContext& context, const ChangeSearch& search,
                                                     const std::function<void(const ScanProgress&)>& on_progress) {
   MAPP_RETURN_IF_ERROR(CheckSearch(search));
@@ -76,7 +86,9 @@ StatusOr<DetectedChanges> MapService::DetectChanges(const CallContext& context, 
   ScanOptions options = impl_->scan_options;
   options.derivation.from_ns = search.from_ns;
   options.derivation.to_ns = search.to_ns;
-  MAPP_ASSIGN_OR_RETURN(ChangeScan scan, ScanForChanges(context, impl_->store, search.map_name, options, on_progress));
+  MAPP_ASSIGN_OR_RETURN(ThingMemory* const memory, impl_->MemoryOf(search.map_name));
+  MAPP_ASSIGN_OR_RETURN(ChangeScan scan,
+                        ScanForChanges(context, impl_->store, search.map_name, options, *memory, on_progress));
   DetectedChanges detected;
   ChangeDecision accepted;
   const auto keep = [&](MapWriter& writer) -> Status {

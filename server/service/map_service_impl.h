@@ -66,11 +66,14 @@ struct MapService::Impl {
   UpdateOptions update_options;
   ScanOptions scan_options;
   std::atomic<bool> detecting = false;
+  std::map<MapId, ThingMemory> thing_memory;  ///< of DetectChanges, for whoever has the claim on `detecting`
 
   /// Runs `decide` in one change of the store, and tells tiles and devices of it.
   Status Decide(const CallContext& context, const std::string& map_name, ChangeDecision& decision,
                 const std::function<StatusOr<ChangeDecision>(MapWriter&, const MapRecord&)>& decide);
   void Announce(MapId map, const ChangeDecision& decision);
+  /// What detection keeps of the map; forgets what it keeps of maps that are no more.
+  StatusOr<ThingMemory*> MemoryOf(const std::string& map_name);
 };
 
 }  // namespace mapp

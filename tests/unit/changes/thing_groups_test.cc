@@ -12,10 +12,11 @@ namespace {
 
 const Eigen::Vector3f kUpOfMap(0, -1, 0);
 
+/// A letter a session: seen, missed, - not judged.
 PointCourse CourseFrom(const std::string& visits) {
   PointCourse course;
   for (size_t i = 0; i < visits.size(); ++i) {
-    if (visits[i] != '-') course.visits.push_back({SessionId(i + 1), visits[i] == 's'});
+    if (visits[i] != '-') course.visits.push_back({SessionId(i + 1), visits[i] == 's', visits[i] == 's'});
   }
   return course;
 }
@@ -31,10 +32,10 @@ void AddBlock(float x_m, size_t num, const std::string& visits, Rng& rng, std::v
 }
 
 TEST(ThingGroupsTest, HistoriesTell) {
-  EXPECT_TRUE(TellTheSame(CourseFrom("sssmm"), CourseFrom("s-smm")));
-  EXPECT_FALSE(TellTheSame(CourseFrom("sssmm"), CourseFrom("smmmm")));
-  EXPECT_FALSE(TellTheSame(CourseFrom("sss--"), CourseFrom("sssmm")));  // gone for none of them together
-  EXPECT_FALSE(TellTheSame(CourseFrom("mmsss"), CourseFrom("sssmm")));
+  EXPECT_TRUE(TellTheSame(CourseFrom("sssmm").visits, CourseFrom("s-smm").visits));
+  EXPECT_FALSE(TellTheSame(CourseFrom("sssmm").visits, CourseFrom("smmmm").visits));
+  EXPECT_FALSE(TellTheSame(CourseFrom("sss--").visits, CourseFrom("sssmm").visits));  // gone for none of them together
+  EXPECT_FALSE(TellTheSame(CourseFrom("mmsss").visits, CourseFrom("sssmm").visits));
 }
 
 TEST(ThingGroupsTest, ThingsApartAreThings) {
