@@ -2,21 +2,18 @@
 
 namespace mapp {
 
-NeighborGrid::NeighborGrid(std::span<const Eigen::Vector3f> points, float radius)
-    : radius_(radius), entries_(points.size()) {
-  std::vector<Range*> ranges;  // an unordered_map's elements stay where they are
-  ranges.reserve(points.size());
-  for (const Eigen::Vector3f& p : points) {
-    ranges.push_back(&cells_[KeyOf(CellOf(p))]);
-    ++ranges.back()->end;
-  }
+NeighborGrid::NeighborGrid(std::span<const Eigen::Vector3f> points, float edge)
+    : edge_(edge), entries_(points.size()) {
+  for (const Eigen::Vector3f& p : points) ++cells_[KeyOf(CellOf(p))].end;
   uint32_t begin = 0;
   for (auto& [key, range] : cells_) {
     const uint32_t num = range.end;
     range = {begin, begin};
     begin += num;
   }
-  for (size_t i = 0; i < points.size(); ++i) entries_[ranges[i]->end++] = {points[i], static_cast<uint32_t>(i)};
+  for (size_t i = 0; i < points.size(); ++i) {
+    entries_[cells_.find(KeyOf(CellOf(points[i])))->second.end++] = {points[i], static_cast<uint32_t>(i)};
+  }
 }
 
 }  // namespace mapp

@@ -15,6 +15,9 @@
 namespace mapp {
 namespace {
 
+/// Cells for nearest neighbours, of the greatest distance: mostly they are in a cell or next to it.
+constexpr float kCellShare = 0.25F;
+
 /// Rings around a camera in which distances differ by a factor of 1.41.
 int8_t RingOf(float distance_m) { return static_cast<int8_t>(std::floor(2 * std::log2(distance_m))); }
 
@@ -52,6 +55,10 @@ class NearestFew {
     if (found_.size() == max_num_ && (found_.empty() || !(one < found_.back()))) return;
     if (found_.size() == max_num_) found_.pop_back();
     found_.insert(std::ranges::upper_bound(found_, one), one);
+  }
+  /// Whether nothing further away than that is among the nearest.
+  bool AllWithin(float distance_m) const {
+    return found_.size() == max_num_ && (found_.empty() || found_.back().first <= distance_m * distance_m);
   }
   const std::vector<std::pair<float, size_t>>& found() const { return found_; }
 
@@ -190,12 +197,14 @@ std::vector<PointFinding> PointJudge::Conclude(int num_threads) const {
     if (judged[i].counts.missed()) missed.push_back(i);
   }
   std::vector<char> is_dropped(judged.size(), 0);
-  const NeighborGrid grid(positions, options_.neighbor_radius_m);
+  const NeighborGrid grid(positions, kCellShare * options_.neighbor_radius_m);
   const auto is_alone = [&](size_t i) {
     NearestFew near(options_.num_neighbors);
-    grid.VisitWithin(positions[i], [&](size_t j, float squared_m2) {
+    const auto offer = [&](size_t j, float squared_m2) {
       if (j != i && judged[j].counts.ring <= judged[i].counts.ring + 1) near.Offer(squared_m2, j);
-    });
+    };
+    grid.VisitOutwards(positions[i], options_.neighbor_radius_m, offer,
+                       [&](float distance_m) { return near.AllWithin(distance_m); });
     size_t num_missed_near = 0;
     for (const auto& [squared_m2, j] : near.found()) num_missed_near += judged[j].counts.missed() ? 1 : 0;
     const auto num = static_cast<double>(near.found().size());
