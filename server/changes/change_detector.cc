@@ -34,14 +34,7 @@ struct ChangingPoints {
 
 StatusOr<ChangingPoints> FindChangingPoints(MapReader& reader, std::span<const SessionFindings> findings,
                                             int num_threads) {
-  std::vector<MapPointId> ids;
-  std::vector<PointCourse> courses;
-  for (const PointHistory& history : HistoriesOfMissed(findings, num_threads)) {
-    std::optional<PointCourse> course = CourseOf(history);
-    if (!course) continue;
-    ids.push_back(history.point);
-    courses.push_back(*std::move(course));
-  }
+  auto [ids, courses] = CoursesOfMissed(findings, num_threads);
   MAPP_ASSIGN_OR_RETURN(const std::vector<PointRecord> records, reader.FindPoints(ids));
   std::unordered_map<MapPointId, const PointRecord*> live;
   for (const PointRecord& record : records) {

@@ -1,5 +1,7 @@
 #include "server/changes/change_scan.h"
 
+#include "mapp/base/mutex.h"
+#include "mapp/base/parallel.h"
 #include "mapp/base/unix_time.h"
 #include "server/changes/device_evidence.h"
 #include "storage/map_store.h"
@@ -32,10 +34,10 @@ Status NothingTells(const MapRecord& map, const std::vector<SessionRecord>& in_m
                   Since(options.from_ns, options.to_ns), FormatUtc(first.opened_ns), FormatUtc(last.opened_ns)));
 }
 
-/// Findings on their way to the store.
+/// Findings on their way to the store. What was made is kept though the call has ended meanwhile.
 class FindingsKeeper {
  public:
-  FindingsKeeper(const CallContext& context, MapStore& store) : context_(context), store_(store) {}
+  explicit FindingsKeeper(MapStore& store) : store_(store) {}
 
   Status Keep(const SessionFindings& findings) {
     waiting_.emplace_back(findings.session, EncodeFindings(findings));
@@ -52,13 +54,12 @@ class FindingsKeeper {
       }
       return absl::OkStatus();
     };
-    MAPP_RETURN_IF_ERROR(store_.Write(context_, put));
+    MAPP_RETURN_IF_ERROR(store_.Write({}, put));
     waiting_.clear();
     return absl::OkStatus();
   }
 
  private:
-  const CallContext& context_;
   MapStore& store_;
   std::vector<std::pair<SessionId, std::string>> waiting_;
 };
@@ -73,6 +74,35 @@ StatusOr<std::optional<SessionFindings>> FindKept(MapReader& reader, SessionId s
   StatusOr<SessionFindings> kept = DecodeFindings(**blob);
   if (!kept.ok() || kept->session != session || !kept->RestsOn(frames)) return std::nullopt;
   return *std::move(kept);
+}
+
+/// Makes those of `findings` that are missing (indices), each on a thread, and puts them into the store.
+Status MakeMissing(const CallContext& context, MapStore& store, std::span<const size_t> missing, FindingsMaker& maker,
+                   int num_threads, std::vector<SessionFindings>& findings,
+                   const std::function<void(const ScanProgress&)>& on_progress) {
+  Mutex mutex;
+  FindingsKeeper keeper(store);
+  Status outcome;
+  size_t num_made = 0;
+  // One that is alone has all threads.
+  const int num_inside = std::max(1, num_threads / static_cast<int>(std::max<size_t>(1, missing.size())));
+  ParallelFor(num_threads, static_cast<int>(missing.size()), [&](int i) {
+    SessionFindings& one = findings[missing[static_cast<size_t>(i)]];
+    {
+      const MutexLock lock(mutex);
+      if (!outcome.ok()) return;
+    }
+    StatusOr<SessionFindings> made = maker.Make(context, one.session, num_inside);
+    const MutexLock lock(mutex);
+    if (made.ok()) one = *std::move(made);
+    if (outcome.ok()) outcome = made.ok() ? keeper.Keep(one) : made.status();
+    ++num_made;
+    if (outcome.ok() && on_progress) {
+      on_progress({.num_sessions_done = findings.size() - missing.size() + num_made, .num_sessions = findings.size()});
+    }
+  });
+  const Status flushed = keeper.Flush();
+  return outcome.ok() ? flushed : outcome;
 }
 
 /// Adds what the session's device has reported to what its views say. Not kept with the findings: reports may follow.
@@ -115,24 +145,17 @@ StatusOr<ChangeScan> ScanForChanges(const CallContext& context, MapStore& store,
   scan.num_sessions = telling.size();
 
   std::vector<SessionFindings> findings;
-  FindingsKeeper keeper(context, store);
+  std::vector<size_t> missing;
   for (const SessionRecord& session : telling) {
-    MAPP_RETURN_IF_ERROR(context.Check());
-    MAPP_ASSIGN_OR_RETURN(std::optional<SessionFindings> kept,
-                          FindKept(*reader, session.id, maker.FramesOf(session.id)));
-    if (!kept && maker.FramesOf(session.id).empty()) {
-      kept = SessionFindings{.session = session.id, .frames = {}, .own = {}, .earlier = {}};
-    }
-    if (!kept) {
-      MAPP_ASSIGN_OR_RETURN(kept, maker.Make(context, session.id));
-      MAPP_RETURN_IF_ERROR(keeper.Keep(*kept));
-      ++scan.num_sessions_read;
-    }
-    AddEvidence(evidence[session.id], *kept);
-    findings.push_back(*std::move(kept));
-    if (on_progress) on_progress({.num_sessions_done = findings.size(), .num_sessions = telling.size()});
+    const std::span<const FrameRecord> frames_of_session = maker.FramesOf(session.id);
+    MAPP_ASSIGN_OR_RETURN(std::optional<SessionFindings> kept, FindKept(*reader, session.id, frames_of_session));
+    if (!kept && !frames_of_session.empty()) missing.push_back(findings.size());
+    findings.push_back(kept ? *std::move(kept) : SessionFindings{session.id, {}, {}, {}, false});
   }
-  MAPP_RETURN_IF_ERROR(keeper.Flush());
+  scan.num_sessions_read = missing.size();
+  MAPP_RETURN_IF_ERROR(
+      MakeMissing(context, store, missing, maker, options.derivation.num_threads, findings, on_progress));
+  for (SessionFindings& of_session : findings) AddEvidence(evidence[of_session.session], of_session);
   MAPP_ASSIGN_OR_RETURN(scan.changes, DeriveChanges(context, *reader, scan.map.id, sessions, frames, findings, maker,
                                                     options.derivation, memory));
   for (ChangeRecord& change : scan.changes) change.detected = scan.map.revision;

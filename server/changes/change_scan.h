@@ -15,7 +15,7 @@ class MapStore;
 
 struct ScanOptions {
   FindingsOptions findings;
-  /// With the time whose sessions tell.
+  /// With the time whose sessions tell, and the threads that look.
   DerivationOptions derivation;
 };
 
@@ -34,9 +34,9 @@ struct ChangeScan {
 
 /// Looks through the history in the state of one commit, and puts what it finds out of single sessions into the store
 /// as it goes (MapWriter::PutFindings), so that the next scan reads what is new. What devices have reported
-/// (device_evidence.h) counts with it. `memory`: of earlier scans of this map, or empty. NOT_FOUND: no such map.
-/// FAILED_PRECONDITION: no session with frames in the map, or reports of it, was opened in that time. DATA_LOSS: a
-/// report is damaged; `mapp verify` names all that are.
+/// (device_evidence.h) counts with it. `memory`: of earlier scans of this map, or empty. `on_progress` (may be empty)
+/// is told on any thread, on one at a time. NOT_FOUND: no such map. FAILED_PRECONDITION: no session with frames in the
+/// map, or reports of it, was opened in that time. DATA_LOSS: a report is damaged; `mapp verify` names all that are.
 StatusOr<ChangeScan> ScanForChanges(const CallContext& context, MapStore& store, const std::string& map_name,
                                     const ScanOptions& options, ThingMemory& memory,
                                     const std::function<void(const ScanProgress&)>& on_progress);

@@ -3,6 +3,7 @@
 #include "mapp/base/parallel.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 namespace mapp {
@@ -38,9 +39,11 @@ std::vector<MapPointId> MissedPoints(std::span<const SessionFindings> findings) 
   return missed;
 }
 
-/// Puts what is said of them into histories, which are by point.
-void FillHistories(std::span<const SessionFindings> findings, std::span<PointHistory> histories) {
-  if (histories.empty()) return;
+/// What is said of the points, which ascend.
+std::vector<PointHistory> HistoriesOf(std::span<const MapPointId> points, std::span<const SessionFindings> findings) {
+  std::vector<PointHistory> histories(points.size());
+  for (size_t i = 0; i < points.size(); ++i) histories[i].point = points[i];
+  if (histories.empty()) return histories;
   // Millions of findings: both are in order.
   ForEachList(findings, [&](SessionId session, std::span<const PointFinding> list) {
     auto history = histories.begin();
@@ -52,20 +55,13 @@ void FillHistories(std::span<const SessionFindings> findings, std::span<PointHis
     }
   });
   for (PointHistory& history : histories) std::ranges::stable_sort(history.visits, {}, &PointHistory::Visit::session);
+  return histories;
 }
 
 }  // namespace
 
-std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings, int num_threads) {
-  const std::vector<MapPointId> missed = MissedPoints(findings);
-  std::vector<PointHistory> histories(missed.size());
-  for (size_t i = 0; i < missed.size(); ++i) histories[i].point = missed[i];
-  const size_t share = missed.size() / static_cast<size_t>(num_threads) + 1;
-  ParallelFor(num_threads, num_threads, [&](int part) {
-    const size_t begin = std::min(missed.size(), static_cast<size_t>(part) * share);
-    FillHistories(findings, std::span(histories).subspan(begin, std::min(share, missed.size() - begin)));
-  });
-  return histories;
+std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings) {
+  return HistoriesOf(MissedPoints(findings), findings);
 }
 
 std::span<const PointCourse::Visit> PointCourse::Around(size_t visit) const {
@@ -97,6 +93,29 @@ std::optional<PointCourse> CourseOf(const PointHistory& history) {
     if (course.ChangesAfter(i) && !course.Around(i).empty()) return course;
   }
   return std::nullopt;
+}
+
+ChangedCourses CoursesOfMissed(std::span<const SessionFindings> findings, int num_threads) {
+  constexpr size_t kAtATime = 16'384;
+  const std::vector<MapPointId> missed = MissedPoints(findings);
+  std::vector<ChangedCourses> parts((missed.size() + kAtATime - 1) / kAtATime);
+  ParallelFor(num_threads, static_cast<int>(parts.size()), [&](int i) {
+    const size_t begin = static_cast<size_t>(i) * kAtATime;
+    const auto points = std::span(missed).subspan(begin, std::min(kAtATime, missed.size() - begin));
+    ChangedCourses& part = parts[static_cast<size_t>(i)];
+    for (const PointHistory& history : HistoriesOf(points, findings)) {
+      std::optional<PointCourse> course = CourseOf(history);
+      if (!course) continue;
+      part.points.push_back(history.point);
+      part.courses.push_back(*std::move(course));
+    }
+  });
+  ChangedCourses all;
+  for (ChangedCourses& part : parts) {
+    all.points.insert(all.points.end(), part.points.begin(), part.points.end());
+    std::ranges::move(part.courses, std::back_inserter(all.courses));
+  }
+  return all;
 }
 
 }  // namespace mapp

@@ -25,7 +25,7 @@ struct PointHistory {
 };
 
 /// Of the points that any session has missed, by id: all that sessions tell of the others is that they are there.
-std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings, int num_threads = 1);
+std::vector<PointHistory> HistoriesOfMissed(std::span<const SessionFindings> findings);
 
 /// Whether a point was there at each visit that could tell, by session.
 struct PointCourse {
@@ -47,5 +47,13 @@ struct PointCourse {
 /// several of its views say so, for at flat angles what lies near is taken for the place itself. nullopt where no
 /// change tells of anything.
 std::optional<PointCourse> CourseOf(const PointHistory& history);
+
+/// Points that came or went, by id.
+struct ChangedCourses {
+  std::vector<MapPointId> points;
+  std::vector<PointCourse> courses;
+};
+/// Of the histories of all points that any session has missed, which are not in memory together.
+ChangedCourses CoursesOfMissed(std::span<const SessionFindings> findings, int num_threads);
 
 }  // namespace mapp

@@ -53,25 +53,25 @@ std::span<const FrameRecord> FindingsMaker::FramesOf(SessionId session) const {
   return found->second.frames;
 }
 
-StatusOr<SessionFindings> FindingsMaker::Make(const CallContext& context, SessionId session) {
+StatusOr<SessionFindings> FindingsMaker::Make(const CallContext& context, SessionId session, int num_threads) {
   const auto found = sessions_.find(session);
   if (found == sessions_.end()) return absl::NotFoundError("no such session in the map");
   SessionFindings findings{.session = session, .frames = {}, .own = {}, .earlier = {}};
   for (const FrameRecord& frame : found->second.frames) findings.frames.push_back({frame.id, frame.T_frame_camera});
   PointJudge judge(options_.judge, session);
-  MAPP_ASSIGN_OR_RETURN(const NewPoints new_points, Judge(context, found->second, judge));
-  findings.own = MergeFindings(judge.Conclude(options_.num_threads));
-  MAPP_RETURN_IF_ERROR(AskEarlier(context, new_points, findings));
+  MAPP_ASSIGN_OR_RETURN(const NewPoints new_points, Judge(context, found->second, num_threads, judge));
+  findings.own = MergeFindings(judge.Conclude(num_threads));
+  MAPP_RETURN_IF_ERROR(AskEarlier(context, new_points, num_threads, findings));
   return findings;
 }
 
 StatusOr<FindingsMaker::NewPoints> FindingsMaker::Judge(const CallContext& context, const Session& session,
-                                                        PointJudge& judge) {
+                                                        int num_threads, PointJudge& judge) {
   struct Worker {
     PointJudge judge;
     std::set<PointTiles::Points> tiles;
   };
-  std::vector<Worker> workers(static_cast<size_t>(options_.num_threads), {judge, {}});
+  std::vector<Worker> workers(static_cast<size_t>(num_threads), {judge, {}});
   const auto judge_by = [&](size_t worker, size_t i) -> Status {
     MAPP_RETURN_IF_ERROR(context.Check());
     MAPP_ASSIGN_OR_RETURN(const std::shared_ptr<const WitnessView> view, views_.Get(session.frames[i], session.record));
@@ -80,7 +80,7 @@ StatusOr<FindingsMaker::NewPoints> FindingsMaker::Judge(const CallContext& conte
     workers[worker].tiles.insert(tiles.begin(), tiles.end());
     return absl::OkStatus();
   };
-  MAPP_RETURN_IF_ERROR(ShareOut(options_.num_threads, session.frames.size(), judge_by));
+  MAPP_RETURN_IF_ERROR(ShareOut(num_threads, session.frames.size(), judge_by));
   std::set<PointTiles::Points> tiles;
   for (Worker& worker : workers) {
     judge.Merge(std::move(worker.judge));
@@ -96,20 +96,21 @@ StatusOr<FindingsMaker::NewPoints> FindingsMaker::Judge(const CallContext& conte
   return new_points;
 }
 
-Status FindingsMaker::AskEarlier(const CallContext& context, const NewPoints& new_points, SessionFindings& findings) {
-  std::vector<std::map<SessionId, PointJudge>> judges(static_cast<size_t>(options_.num_threads));
+Status FindingsMaker::AskEarlier(const CallContext& context, const NewPoints& new_points, int num_threads,
+                                 SessionFindings& findings) {
+  std::vector<std::map<SessionId, PointJudge>> judges(static_cast<size_t>(num_threads));
   const auto ask_about = [&](size_t worker, size_t i) -> Status {
     MAPP_RETURN_IF_ERROR(context.Check());
     return AskEarlierAbout(new_points[i], findings.session, judges[worker]);
   };
-  MAPP_RETURN_IF_ERROR(ShareOut(options_.num_threads, new_points.size(), ask_about));
+  MAPP_RETURN_IF_ERROR(ShareOut(num_threads, new_points.size(), ask_about));
   std::map<SessionId, PointJudge> merged;
   for (auto& of_worker : judges) {
     for (auto& [session, judge] : of_worker)
       merged.try_emplace(session, options_.judge).first->second.Merge(std::move(judge));
   }
   for (const auto& [session, judge] : merged) {
-    std::vector<PointFinding> found = MergeFindings(judge.Conclude(options_.num_threads));
+    std::vector<PointFinding> found = MergeFindings(judge.Conclude(num_threads));
     if (!found.empty()) findings.earlier.emplace(session, std::move(found));
   }
   return absl::OkStatus();

@@ -58,19 +58,17 @@ struct FindingsOptions {
   size_t max_earlier_views = 16;
   size_t max_kept_views = 4096;
   size_t max_kept_points = 2'000'000;
-  int num_threads = 2;
 };
 
 /// Makes the findings of one map's sessions, which are best asked for in the order of their ids: a session is compared
-/// with those before it alone, so that what is made stays right when others follow. Views and points may be asked for
-/// from many threads.
+/// with those before it alone, so that what is made stays right when others follow. Thread-safe.
 class FindingsMaker {
  public:
   /// Borrows the reader. `sessions`: all of the map. `frames`: those that stand in the map, by id.
   FindingsMaker(MapReader& reader, const MapRecord& map, std::span<const SessionRecord> sessions,
                 std::span<const FrameRecord> frames, const FindingsOptions& options);
 
-  StatusOr<SessionFindings> Make(const CallContext& context, SessionId session);
+  StatusOr<SessionFindings> Make(const CallContext& context, SessionId session, int num_threads = 1);
   std::span<const FrameRecord> FramesOf(SessionId session) const;
   /// Views of the session that may see into the box, at most `max_views` of those nearest to it; empty for a session
   /// that the map does not have.
@@ -88,8 +86,9 @@ class FindingsMaker {
   using NewPoints = std::vector<PointTiles::Points>;
 
   /// Judges with the session's own views, and returns what it brought to the tiles that they see.
-  StatusOr<NewPoints> Judge(const CallContext& context, const Session& session, PointJudge& judge);
-  Status AskEarlier(const CallContext& context, const NewPoints& new_points, SessionFindings& findings);
+  StatusOr<NewPoints> Judge(const CallContext& context, const Session& session, int num_threads, PointJudge& judge);
+  Status AskEarlier(const CallContext& context, const NewPoints& new_points, int num_threads,
+                    SessionFindings& findings);
   /// The latest of the sessions before `session` that have views of the points.
   Status AskEarlierAbout(const PointTiles::Points& points, SessionId session, std::map<SessionId, PointJudge>& judges);
 

@@ -183,14 +183,15 @@ std::vector<ChangedThing> GroupThings(std::span<const PointCourse> courses, std:
   // Where it cannot be told between which visits something happened, most of its points say when.
   std::ranges::stable_sort(candidates, std::greater(), [](const Candidate& one) { return one.points.size(); });
   std::vector<ChangedThing> things;
-  std::set<std::pair<size_t, size_t>> taken;
+  std::vector<std::vector<bool>> taken(courses.size());  // by point and visit
+  for (size_t i = 0; i < courses.size(); ++i) taken[i].resize(courses[i].visits.size());
   for (size_t group = 0; group < candidates.size(); ++group) {
     const auto& [event, points] = candidates[group];
-    const auto is_taken = [&](const PointChange& one) { return taken.contains({one.point, one.visit}); };
+    const auto is_taken = [&](const PointChange& one) { return static_cast<bool>(taken[one.point][one.visit]); };
     if (2 * static_cast<size_t>(std::ranges::count_if(points, is_taken)) > points.size()) continue;
     std::vector<Eigen::Vector3f> positions;
     for (const PointChange& one : points) {
-      taken.emplace(one.point, one.visit);
+      taken[one.point][one.visit] = true;
       positions.push_back(p_map[one.point]);
     }
     for (const std::vector<size_t>& part : SplitAtNecks(positions, up_map)) {
