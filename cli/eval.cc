@@ -127,7 +127,9 @@ Status RunExperiments(const EvalOptions& options, const std::vector<Experiment>&
   MAPP_ASSIGN_OR_RETURN(lab_options.programs, FindPrograms());
   lab_options.work_folder = work.path();
   std::error_code error;
-  fs::create_directories(work.path(), error);
+  // What an earlier run kept there would be taken for this one's: databases with maps in them, ports of its servers.
+  fs::remove_all(work.path(), error);
+  if (!error) fs::create_directories(work.path(), error);
   if (error) return absl::ResourceExhaustedError(fmt::format("{}: {}", work.path(), error.message()));
 
   ProgressBar bar("eval", experiments.size());

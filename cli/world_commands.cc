@@ -151,7 +151,7 @@ void AddEval(CLI::App& app, const std::string& command_line, Command& chosen) {
                    "Recorded stereo sequence with ground truth, for adapter; without it, all leaves that out")
       ->type_name("FOLDER");
   AddJson(*command, options->json);
-  command->add_flag("--keep-work", options->keep_work, "Keep databases, logs and reports of the runs in OUT/work");
+  command->add_flag("--keep-work", options->keep_work, "Keep databases, logs and reports of the runs in OUT/work, in place of an earlier run's");
   command->callback([options, &chosen] {
     chosen = [options]() -> Status {
       MAPP_ASSIGN_OR_RETURN(const auto watcher, InterruptWatcher::Create());

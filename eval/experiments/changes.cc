@@ -176,9 +176,13 @@ class Histographer {
 
   StatusOr<Outcome> Measure(const std::string& setting, const History& history, uint64_t seed) {
     sim::SimulationOptions world = HistoryWorld(context_, setting, history, seed);
-    // Some ways have few things beside them.
-    while (world.change_reach_m < kGreatestReach_m && absl::IsInvalidArgument(context_.lab.WorldOf(world).status())) {
-      world.change_reach_m *= 2;
+    // Some ways have few things beside them, and some worlds have few.
+    while (absl::IsInvalidArgument(context_.lab.WorldOf(world).status()) && world.num_changes > 1) {
+      if (world.change_reach_m < kGreatestReach_m) {
+        world.change_reach_m *= 2;
+      } else {
+        --world.num_changes;
+      }
     }
     StatusOr<Outcome> outcome = MeasureOne(world, history);
     if (!outcome.ok()) {

@@ -52,14 +52,23 @@ StatusOr<ChangingPoints> FindChangingPoints(MapReader& reader, std::span<const S
   return points;
 }
 
-/// How many of the thing's points each session saw and missed, of those that are asked about its event.
-std::map<SessionId, PointCounts> CountPoints(const ChangedThing& thing, std::span<const PointCourse> courses) {
-  std::map<SessionId, PointCounts> counts;
-  for (const auto& [point, visit] : thing.points) {
-    for (const PointCourse::Visit& one : courses[point].Around(visit)) {
-      ++(one.was_seen ? counts[one.session].num_seen : counts[one.session].num_missed);
-    }
+void Count(std::span<const PointCourse::Visit> visits, std::map<SessionId, PointCounts>& counts) {
+  for (const PointCourse::Visit& one : visits) {
+    ++(one.was_seen ? counts[one.session].num_seen : counts[one.session].num_missed);
   }
+}
+
+/// How many of the thing's points each session saw and missed, of the visits that are asked about its event.
+std::map<SessionId, PointCounts> CountAround(const ChangedThing& thing, std::span<const PointCourse> courses) {
+  std::map<SessionId, PointCounts> counts;
+  for (const auto& [point, visit] : thing.points) Count(courses[point].Around(visit), counts);
+  return counts;
+}
+
+/// Likewise of all visits.
+std::map<SessionId, PointCounts> CountAll(const ChangedThing& thing, std::span<const PointCourse> courses) {
+  std::map<SessionId, PointCounts> counts;
+  for (const PointChange& one : thing.points) Count(courses[one.point].visits, counts);
   return counts;
 }
 
@@ -116,9 +125,11 @@ StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const
     points.directions.push_back(changing.directions[one.point]);
   }
   const ChangeKind kind = thing.event.came ? ChangeKind::kAppeared : ChangeKind::kVanished;
-  MAPP_ASSIGN_OR_RETURN(const std::vector<TellingSession> telling,
-                        TellingSessions(points, CountPoints(thing, changing.courses), judging.opened_ns,
-                                        judging.grouping.sampled, judging.maker, judging.options.visits));
+  const auto telling_of = [&](const std::map<SessionId, PointCounts>& counts) {
+    return TellingSessions(points, counts, judging.opened_ns, judging.grouping.sampled, judging.maker,
+                           judging.options.visits);
+  };
+  MAPP_ASSIGN_OR_RETURN(const std::vector<TellingSession> telling, telling_of(CountAround(thing, changing.courses)));
   // Views are read only where points tell of something.
   if (!HappeningAt(VisitsByPoints(telling, judging.options.visits), kind, event_opened->second,
                    judging.options.presence)) {
@@ -131,6 +142,8 @@ StatusOr<std::optional<ChangedPart>> JudgeThing(const ChangedThing& thing, const
     judging.memory.Keep(question, *verdict);
   }
   if (!verdict->happening) return std::nullopt;
+  MAPP_ASSIGN_OR_RETURN(const std::vector<TellingSession> all, telling_of(CountAll(thing, changing.courses)));
+  ExtendStay(VisitsByPoints(all, judging.options.visits), *verdict->happening);
   ChangedPart part{*std::move(verdict->happening), thing.group, verdict->is_sampled, {}};
   for (size_t i = 0; i < ids.size(); ++i) part.points.push_back({ids[i], points.p_map[i], points.directions[i]});
   return part;

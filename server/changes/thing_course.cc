@@ -1,6 +1,7 @@
 #include "server/changes/thing_course.h"
 
 #include <algorithm>
+#include <iterator>
 #include <utility>
 
 namespace mapp {
@@ -91,6 +92,17 @@ std::optional<Happening> HappeningAt(std::span<const ThingVisit> visits, ChangeK
     if (one.kind == kind && event_ns > one.time.after_ns && event_ns <= one.time.before_ns) return one;
   }
   return std::nullopt;
+}
+
+void ExtendStay(std::span<const ThingVisit> visits, Happening& happening) {
+  const auto time_of = [](const ThingVisit& visit) { return visit.evidence.time_ns; };
+  const auto missed = [](const ThingVisit& visit) { return visit.evidence.num_missed >= visit.evidence.num_seen; };
+  const auto first = std::ranges::lower_bound(visits, happening.first_seen_ns, {}, time_of);
+  const auto gone_before = std::find_if(std::make_reverse_iterator(first), visits.rend(), missed);
+  if (gone_before.base() != first) happening.first_seen_ns = time_of(*gone_before.base());
+  const auto later = std::ranges::upper_bound(visits, happening.last_seen_ns, {}, time_of);
+  const auto gone_after = std::find_if(later, visits.end(), missed);
+  if (gone_after != later) happening.last_seen_ns = time_of(*std::prev(gone_after));
 }
 
 }  // namespace mapp

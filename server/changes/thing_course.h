@@ -29,4 +29,8 @@ struct Happening {
 std::optional<Happening> HappeningAt(std::span<const ThingVisit> visits, ChangeKind kind, int64_t event_ns,
                                      const PresenceOptions& options);
 
+/// Makes the stay of a happening longer by `visits` (by time) before and after it that saw the thing as well, up to the
+/// first that did not: more may tell of it than were asked what happened.
+void ExtendStay(std::span<const ThingVisit> visits, Happening& happening);
+
 }  // namespace mapp

@@ -52,6 +52,45 @@ TEST(PointHistoryTest, WhoPassesDoesNotStay) {
   EXPECT_EQ(Course("mmS"), "mms");    // it may stay
 }
 
+/// Sessions of the visits that are asked about the change after a visit, counted from 0.
+std::string Around(const std::string& visits, size_t visit) {
+  const std::optional<PointCourse> course = CourseOf(History(visits));
+  std::string text;
+  if (!course) return text;
+  for (const PointCourse::Visit& one : course->Around(visit)) text += visits[one.session.value() - 1];
+  return text;
+}
+
+TEST(PointHistoryTest, WhatHappensLongAfterChangesNothing) {
+  const std::string before(12, 's'), after(12, 'm');
+  EXPECT_EQ(Around(before + after, 11), before + after);
+  EXPECT_EQ(Around("mmm" + before + after + "sss", 14), before + after);
+  // By then it comes and goes so often that nothing can be told, but at this time it could.
+  const std::string often = "ssmmssmmssmmssmmss";
+  EXPECT_EQ(Around(before + after + often, 11), before + after);
+  EXPECT_EQ(Around(before + after + often, 11 + 12 + 8), "");
+}
+
+TEST(PointHistoryTest, CoursesAreThoseOfTheHistories) {
+  SessionFindings first{.session = SessionId(1), .frames = {}, .own = {}, .earlier = {}};
+  SessionFindings second{.session = SessionId(2), .frames = {}, .own = {}, .earlier = {}};
+  for (uint64_t id = 1; id <= 40'000; ++id) {
+    first.own.push_back({MapPointId(id), 3, 0});
+    const bool gone = id % 3 == 0;
+    second.own.push_back({MapPointId(id), static_cast<uint16_t>(gone ? 0 : 2), static_cast<uint16_t>(gone ? 2 : 0)});
+  }
+  const SessionFindings findings[] = {first, second};
+  for (const int num_threads : {1, 2}) {
+    const ChangedCourses changed = CoursesOfMissed(findings, num_threads);
+    ASSERT_EQ(changed.points.size(), 13'333U);
+    ASSERT_EQ(changed.courses.size(), changed.points.size());
+    for (size_t i = 0; i < changed.points.size(); ++i) {
+      ASSERT_EQ(changed.points[i], MapPointId(3 * (i + 1)));
+      ASSERT_TRUE(changed.courses[i].ChangesAfter(0));
+    }
+  }
+}
+
 TEST(PointHistoryTest, NeverSeenIsNothing) { EXPECT_EQ(Course("mmmmm"), ""); }
 
 TEST(PointHistoryTest, OnlyMissedPointsHaveHistories) {

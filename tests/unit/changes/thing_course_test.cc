@@ -79,6 +79,24 @@ TEST(ThingCourseTest, OneVisitMissesAThingForNothingUnlessItLooksThrough) {
   EXPECT_TRUE(At("ssMss", ChangeKind::kAppeared, 4).has_value());
 }
 
+TEST(ThingCourseTest, AStayIsAsLongAsAllVisitsTell) {
+  const std::vector<ThingVisit> all = VisitsFrom("mssssssmm");
+  std::optional<Happening> left = HappeningAt(std::span(all).subspan(4), ChangeKind::kVanished, 8 * kDayNs, {});
+  ASSERT_TRUE(left.has_value());
+  EXPECT_EQ(left->first_seen_ns, 5 * kDayNs);
+  ExtendStay(all, *left);
+  EXPECT_EQ(left->first_seen_ns, 2 * kDayNs);
+  EXPECT_EQ(left->last_seen_ns, 7 * kDayNs);
+
+  const std::vector<ThingVisit> later = VisitsFrom("mmsssss");
+  std::optional<Happening> came = HappeningAt(std::span(later).first(4), ChangeKind::kAppeared, 3 * kDayNs, {});
+  ASSERT_TRUE(came.has_value());
+  EXPECT_EQ(came->last_seen_ns, 4 * kDayNs);
+  ExtendStay(later, *came);
+  EXPECT_EQ(came->first_seen_ns, 3 * kDayNs);
+  EXPECT_EQ(came->last_seen_ns, 7 * kDayNs);
+}
+
 TEST(ThingCourseTest, NoVisitsTellNothing) { EXPECT_FALSE(At("", ChangeKind::kVanished, 1).has_value()); }
 
 }  // namespace
