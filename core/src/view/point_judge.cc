@@ -9,14 +9,15 @@
 #include <array>
 #include <cmath>
 #include <limits>
-#include <numbers>
+#include <tuple>
 #include <utility>
 
 namespace mapp {
 namespace {
 
-/// Cells for nearest neighbours, of the greatest distance: mostly they are in a cell or next to it.
+/// Cells for nearest neighbours among many, of the greatest distance: mostly they are in a cell or next to it.
 constexpr float kCellShare = 0.25F;
+constexpr size_t kFewAround = 256;
 
 /// Rings around a camera in which distances differ by a factor of 1.41.
 int8_t RingOf(float distance_m) { return static_cast<int8_t>(std::floor(2 * std::log2(distance_m))); }
@@ -46,25 +47,35 @@ class ImageSides {
   std::array<Eigen::Vector3f, 4> inward_;  ///< unit normals, camera frame
 };
 
-/// The nearest of many, ties by index.
+struct Neighbor {
+  float squared_m2 = 0;
+  MapPointId id;
+  bool is_missed = false;
+};
+
+/// The nearest of many, ties by id.
 class NearestFew {
  public:
   explicit NearestFew(size_t max_num) : max_num_(max_num) {}
-  void Offer(float squared_m2, size_t index) {
-    const std::pair one(squared_m2, index);
-    if (found_.size() == max_num_ && (found_.empty() || !(one < found_.back()))) return;
-    if (found_.size() == max_num_) found_.pop_back();
-    found_.insert(std::ranges::upper_bound(found_, one), one);
+  void Offer(const Neighbor& one) {
+    const auto is_nearer = [](const Neighbor& a, const Neighbor& b) {
+      return a.squared_m2 != b.squared_m2 ? a.squared_m2 < b.squared_m2 : a.id < b.id;
+    };
+    if (found_.size() == max_num_) {
+      if (found_.empty() || !is_nearer(one, found_.back())) return;
+      found_.pop_back();
+    }
+    found_.insert(std::upper_bound(found_.begin(), found_.end(), one, is_nearer), one);
   }
   /// Whether nothing further away than that is among the nearest.
   bool AllWithin(float distance_m) const {
-    return found_.size() == max_num_ && (found_.empty() || found_.back().first <= distance_m * distance_m);
+    return found_.size() == max_num_ && (found_.empty() || found_.back().squared_m2 <= distance_m * distance_m);
   }
-  const std::vector<std::pair<float, size_t>>& found() const { return found_; }
+  const std::vector<Neighbor>& found() const { return found_; }
 
  private:
   size_t max_num_;
-  std::vector<std::pair<float, size_t>> found_;
+  std::vector<Neighbor> found_;
 };
 
 uint16_t Sum(uint16_t a, uint16_t b) {
@@ -184,12 +195,6 @@ std::vector<PointFinding> PointJudge::Conclude(int num_threads) const {
       if (counts[i].judged()) judged.push_back({tile->points()[i].id, tile->points()[i].p_map, counts[i]});
     }
   }
-  // The order of tiles in memory is chance.
-  std::ranges::sort(judged, [](const Judged& a, const Judged& b) {
-    return a.id != b.id
-               ? a.id < b.id
-               : std::ranges::lexicographical_compare(std::span(a.p_map.data(), 3), std::span(b.p_map.data(), 3));
-  });
   std::vector<size_t> missed;
   std::vector<Eigen::Vector3f> positions;
   for (size_t i = 0; i < judged.size(); ++i) {
@@ -197,18 +202,24 @@ std::vector<PointFinding> PointJudge::Conclude(int num_threads) const {
     if (judged[i].counts.missed()) missed.push_back(i);
   }
   std::vector<char> is_dropped(judged.size(), 0);
-  const NeighborGrid grid(positions, kCellShare * options_.neighbor_radius_m);
+  const NeighborGrid grid(positions, options_.neighbor_radius_m);
+  const NeighborGrid fine_grid(positions, kCellShare * options_.neighbor_radius_m);
   const auto is_alone = [&](size_t i) {
     NearestFew near(options_.num_neighbors);
     const auto offer = [&](size_t j, float squared_m2) {
-      if (j != i && judged[j].counts.ring <= judged[i].counts.ring + 1) near.Offer(squared_m2, j);
+      if (j != i && judged[j].counts.ring <= judged[i].counts.ring + 1)
+        near.Offer({squared_m2, judged[j].id, judged[j].counts.missed()});
     };
-    grid.VisitOutwards(positions[i], options_.neighbor_radius_m, offer,
-                       [&](float distance_m) { return near.AllWithin(distance_m); });
-    size_t num_missed_near = 0;
-    for (const auto& [squared_m2, j] : near.found()) num_missed_near += judged[j].counts.missed() ? 1 : 0;
+    // Among few, to look at all is quicker than at the many cells between them.
+    if (grid.NumAround(positions[i]) < kFewAround) {
+      grid.VisitWithin(positions[i], offer);
+    } else {
+      fine_grid.VisitOutwards(positions[i], options_.neighbor_radius_m, offer,
+                              [&](float distance_m) { return near.AllWithin(distance_m); });
+    }
     const auto num = static_cast<double>(near.found().size());
-    return num == 0 || static_cast<double>(num_missed_near) < options_.min_missed_neighbor_ratio * num;
+    const auto num_missed = static_cast<double>(std::ranges::count_if(near.found(), &Neighbor::is_missed));
+    return num == 0 || num_missed < options_.min_missed_neighbor_ratio * num;
   };
   constexpr size_t kAtATime = 1024;
   ParallelFor(num_threads, static_cast<int>((missed.size() + kAtATime - 1) / kAtATime), [&](int chunk) {
@@ -219,6 +230,9 @@ std::vector<PointFinding> PointJudge::Conclude(int num_threads) const {
   for (size_t i = 0; i < judged.size(); ++i) {
     if (is_dropped[i] == 0) findings.push_back({judged[i].id, judged[i].counts.num_seen, judged[i].counts.num_missed});
   }
+  // The order of tiles in memory is chance.
+  std::ranges::sort(findings, {},
+                    [](const PointFinding& one) { return std::tie(one.point, one.num_seen, one.num_missed); });
   return findings;
 }
 

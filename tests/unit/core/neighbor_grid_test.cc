@@ -5,6 +5,7 @@
 #include <gtest/gtest.h>
 
 #include <algorithm>
+#include <cmath>
 #include <limits>
 #include <set>
 #include <vector>
@@ -42,6 +43,8 @@ TEST(NeighborGridTest, VisitsEachPointWithinAnEdgeOnce) {
     });
     const std::set<size_t> expected = IndicesWithin(points, p, kEdge);
     EXPECT_TRUE(std::ranges::equal(visited, expected));
+    EXPECT_GE(grid.NumAround(p), expected.size());
+    EXPECT_LE(grid.NumAround(p), IndicesWithin(points, p, 2 * std::sqrt(3.0F) * kEdge).size());
   }
 }
 

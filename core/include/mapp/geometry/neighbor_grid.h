@@ -17,6 +17,9 @@ class NeighborGrid {
   /// `edge`: of a cell, in the points' unit, > 0. Copies the points.
   NeighborGrid(std::span<const Eigen::Vector3f> points, float edge);
 
+  /// How many points VisitWithin looks at: those in the cells around `p`.
+  size_t NumAround(const Eigen::Vector3f& p) const;
+
   /// Calls `visit(size_t index, float squared_distance)` for every point within one edge of `p`.
   template <typename Visit>
   void VisitWithin(const Eigen::Vector3f& p, const Visit& visit) const {
