@@ -1,12 +1,14 @@
 // A cabinet is carried out of a room: what the service makes of the visits before and after.
 
 #include "mapp/codec/evidence_codec.h"
+#include "server/changes/change_scan.h"
 #include "storage/map_store.h"
 #include "tests/unit/server/quarantine_fixture.h"
 
 #include <gmock/gmock.h>
 
 #include <algorithm>
+#include <tuple>
 
 namespace mapp::testing {
 namespace {
@@ -106,6 +108,33 @@ TEST_F(ChangesTest, WhatComesBackHasComeBack) {
   std::vector<ChangeKind> kinds;
   for (const ChangeRecord& change : Detect().changes) kinds.push_back(change.kind);
   EXPECT_THAT(kinds, ::testing::ElementsAre(ChangeKind::kVanished, ChangeKind::kAppeared));
+}
+
+TEST_F(ChangesTest, WhatIsRememberedOfEarlierScansChangesNothing) {
+  const auto scan = [&](ThingMemory& memory) {
+    const auto found = ScanForChanges(context_, *store_, "room", {}, memory, {});
+    EXPECT_TRUE(found.ok()) << found.status();
+    std::vector<std::tuple<ChangeKind, double, int64_t, int64_t, int64_t, int64_t, std::vector<SessionId>,
+                           std::vector<MapPointId>, std::vector<MapPointId>>>
+        told;
+    if (!found.ok()) return told;
+    for (const ChangeRecord& change : found->changes) {
+      told.emplace_back(change.kind, change.confidence, change.after_ns, change.before_ns, change.first_seen_ns,
+                        change.last_seen_ns, change.sessions, change.points_before, change.points_after);
+    }
+    return told;
+  };
+  ThingMemory memory;
+  size_t most = 0;
+  for (const bool has_cabinet : {true, false, false, true, true}) {
+    Visit(has_cabinet ? world_ : world_.WithoutCabinet());
+    ThingMemory none;
+    const auto told = scan(memory);
+    EXPECT_EQ(told, scan(none));
+    EXPECT_EQ(told, scan(memory));  // all of it remembered
+    most = std::max(most, told.size());
+  }
+  EXPECT_EQ(most, 2U);
 }
 
 TEST_F(ChangesTest, OneDevicesWordAloneRetiresNothing) {
